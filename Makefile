@@ -1,0 +1,85 @@
+# `make help` lists the targets. Options are given after the target: make book BLENDER=0
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+PYTHON  ?= $(shell command -v python3.11 || echo python3)
+BLENDER ?= 1
+TORCH   ?=
+
+VENV := .venv
+BIN  := $(VENV)/bin
+CHAPTERS := $(wildcard chapters/[0-9]*.ipynb)
+CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
+# The stamp is named after all that decides what is installed.
+STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo '$(BLENDER) $(TORCH)'; } | cksum | cut -d' ' -f1)
+
+.PHONY: help book test pages lab bench lint format lock clean install
+
+help: ## list the targets
+	@echo "make TARGET [PYTHON=python3.11] [BLENDER=0] [TORCH=wheel-or-requirement]"
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | while IFS=$$'\t' read -r t d; do printf '  %-8s %s\n' "$$t" "$$d"; done
+
+book: install ## install what is needed, execute the chapters, render the pages
+	@$(BIN)/python -m fpputil.probe
+	$(BIN)/jupyter-book build . -W -n --keep-going
+	@$(BIN)/python -c 'import pathlib; print("\nOpen", pathlib.Path("_build/html/index.html").resolve().as_uri())'
+
+test: install ## prove it: style, unit tests, every chapter, every rendered page
+	@$(BIN)/python -m fpputil.probe
+	@$(MAKE) --no-print-directory lint
+	$(BIN)/python -m pytest tests --ignore=tests/book -n 2 --dist loadfile
+	$(BIN)/python -m pytest --nbval --nbval-current-env --nbval-sanitize-with tests/nbval.cfg -n 2 --dist loadfile $(CHAPTERS)
+	$(BIN)/python -m pytest tests/book
+	@echo; echo "All proved."
+
+pages: install ## render the pages from the stored outputs, executing nothing
+	FPP_EXECUTE=off $(BIN)/jupyter-book build . -W -n --keep-going --path-output _build/stored
+
+lab: install ## open JupyterLab on the chapters
+	$(BIN)/jupyter lab --notebook-dir chapters
+
+bench: install ## compare speeds with other packages
+	$(BIN)/python -m benchmarks
+
+lint: install ## check style and format
+	$(BIN)/ruff check $(CHECKED)
+	$(BIN)/ruff format --check $(CHECKED)
+
+format: install ## mend style and format
+	$(BIN)/ruff check --fix $(CHECKED)
+	$(BIN)/ruff format $(CHECKED)
+
+# torch's own metadata pulls nvidia-*, cuda-* and triton where its wheel needs them.
+lock: install ## resolve requirements.lock anew, keeping versions that still fit
+	cp requirements.lock $(VENV)/new.lock
+	$(BIN)/uv pip compile -q pyproject.toml --extra blender --extra dev --universal --python-version 3.11 \
+	  -c <(echo torch==2.13.0) --no-annotate --custom-compile-command "make lock" -o $(VENV)/new.lock
+	grep -Ev '^(nvidia|cuda|triton)[-=]' $(VENV)/new.lock > requirements.lock
+
+clean: ## remove everything built, but not .venv
+	rm -rf _build .pytest_cache .ruff_cache .hypothesis
+	find src tests book -name __pycache__ -prune -exec rm -rf {} +
+
+install: $(STAMP)
+
+$(STAMP):
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || \
+	  { echo "$(PYTHON) is missing or not 3.11 to 3.13; name another: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@test -x $(BIN)/pip || $(PYTHON) -c 'import ensurepip' 2>/dev/null || \
+	  { echo "$(PYTHON) cannot make environments; on Debian: apt install python3-venv" >&2; exit 1; }
+	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)
+	@echo "To be downloaded, unless pip has it already (sizes are approximate):"
+	@echo "  0.7 GB  the packages of requirements.lock (2.0 GB installed)"
+	@$(if $(filter 0,$(BLENDER)),echo "  nothing Blender's bpy is left out (BLENDER=0)",\
+	  echo "  0.4 GB  Blender's bpy (0.8 GB installed); BLENDER=0 leaves it out")
+	@$(if $(TORCH),echo "  torch comes from $(TORCH)",\
+	  echo "  0.2 GB  torch, where pip finds a CPU wheel; on Linux the public registry's"; \
+	  echo "          wheel is the CUDA build: 3 GB (7 GB installed); see README, TORCH=...")
+	$(if $(TORCH),$(BIN)/pip install $(TORCH))
+	@grep -Ev '$(if $(filter 0,$(BLENDER)),^bpy==|,)$(if $(TORCH),^torch==|,)^$$' requirements.lock > $(VENV)/install.lock
+	$(if $(filter 0,$(BLENDER)),$(BIN)/pip uninstall -q -y bpy)
+	$(BIN)/pip install -r $(VENV)/install.lock
+	$(BIN)/pip install --no-deps --no-build-isolation -e .
+	@rm -f $(VENV)/.installed-*
+	@touch $@

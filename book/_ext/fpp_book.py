@@ -1,0 +1,212 @@
+"""What this book asks of Sphinx beyond the usual.
+
+- Fresh: chapters run again when the notebook, ``src``, ``data`` or the lock changed.
+- Honest: ``{time}`run` `` is the time measured by the last build that executed the page.
+- Offline: a rendered page that would load anything from a network is a warning.
+"""
+
+import hashlib
+import json
+import os
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+from docutils import nodes
+from myst_nb.sphinx_ import NbMetadataCollector
+from sphinx.util import logging
+from sphinx.util.docutils import SphinxDirective, SphinxRole
+
+LOGGER = logging.getLogger(__name__)
+RUNTIMES = "book/runtimes.json"
+WORDS_A_MINUTE = 150  # technical prose, read with the figures
+SOURCES = ("src", "data", "requirements.lock")
+
+
+# --- fresh ---------------------------------------------------------------------------------
+
+
+def sources_hash(root: Path) -> str:
+    """Return a short hash of every file the chapters depend on, names and bytes."""
+    digest = hashlib.sha256()
+    for source in SOURCES:
+        files = sorted((root / source).rglob("*")) if (root / source).is_dir() else [root / source]
+        for file in files:
+            parts = file.relative_to(root).parts
+            if file.is_file() and "__pycache__" not in parts and ".egg-info" not in str(file):
+                digest.update("/".join(parts).encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def set_execution(app, config):
+    # Part of the configuration: when it changes, Sphinx reads all pages again.
+    cache = Path(app.outdir).parent / "execution" / sources_hash(Path(app.srcdir))
+    config.nb_execution_cache_path = str(cache)
+    if os.environ.get("FPP_EXECUTE", "on") == "off":
+        config.nb_execution_mode = "off"
+
+
+# --- honest --------------------------------------------------------------------------------
+
+
+class RunTime(nodes.Inline, nodes.Element):
+    """Stands for the run time of a page until the page was executed."""
+
+
+class RunTimes(nodes.General, nodes.Element):
+    """Stands for the table of all run times."""
+
+
+class TimeRole(SphinxRole):
+    """``{time}`read` `` and ``{time}`run` ``."""
+
+    def run(self):
+        if self.text == "run":
+            return [RunTime()], []
+        if self.text == "read":
+            return [nodes.Text(reading_time(Path(self.env.doc2path(self.env.docname))))], []
+        LOGGER.warning("{time} takes read or run, not %r", self.text, location=self.get_location())
+        return [], []
+
+
+class RunTimesDirective(SphinxDirective):
+    """``{runtimes}``: a table of the measured time of every chapter."""
+
+    def run(self):
+        return [RunTimes()]
+
+
+def reading_time(path: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        text = "\n".join("".join(cell["source"]) for cell in json.loads(text)["cells"])
+    return f"{max(1, round(len(text.split()) / WORDS_A_MINUTE))} min"
+
+
+def running_time(seconds) -> str:
+    if seconds is None:
+        return "not measured yet"
+    return f"{seconds} s" if seconds < 90 else f"{round(seconds / 60)} min"
+
+
+def rounded(seconds: float) -> int:
+    """Whole seconds up to ten, then steps of five, so that the file changes seldom."""
+    return max(1, round(seconds)) if seconds < 10 else 5 * round(seconds / 5)
+
+
+def read_runtimes(root: Path) -> dict:
+    path = root / RUNTIMES
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def record_runtimes(app, env):
+    """Write down what this build measured; have the table of times written again."""
+    before = read_runtimes(Path(app.srcdir))
+    runtimes = {name: seconds for name, seconds in before.items() if name in env.found_docs}
+    for docname in env.found_docs:
+        measured = NbMetadataCollector.get_exec_data(env, docname)
+        if measured and measured["succeeded"] and measured["runtime"] is not None:
+            runtimes[docname] = rounded(measured["runtime"])
+    if runtimes != before:
+        path = Path(app.srcdir, RUNTIMES)
+        partial = path.with_suffix(".part")
+        partial.write_text(json.dumps(runtimes, indent=2, sort_keys=True) + "\n")
+        partial.replace(path)
+    return [name for name in env.found_docs if name == "book/execution"]
+
+
+def fill_in_times(app, doctree, docname):
+    runtimes = read_runtimes(Path(app.srcdir))
+    for node in list(doctree.findall(RunTime)):
+        node.replace_self(nodes.Text(running_time(runtimes.get(docname))))
+    for node in list(doctree.findall(RunTimes)):
+        node.replace_self(times_table(app, docname, runtimes))
+
+
+def times_table(app, docname, runtimes):
+    rows = [[nodes.Text("Chapter")], [nodes.Text("Time to run")]], *(
+        [[link_to(app, docname, name)], [nodes.Text(running_time(seconds))]]
+        for name, seconds in sorted(runtimes.items())
+        if name in app.env.titles
+    )
+    group = nodes.tgroup("", *(nodes.colspec(colwidth=50) for _ in range(2)), cols=2)
+    built = [
+        nodes.row("", *(nodes.entry("", nodes.paragraph("", "", *cell)) for cell in row))
+        for row in rows
+    ]
+    group += [nodes.thead("", built[0]), nodes.tbody("", *built[1:])]
+    return nodes.table("", group)
+
+
+def link_to(app, docname, target):
+    uri = app.builder.get_relative_uri(docname, target)
+    return nodes.reference("", app.env.titles[target].astext(), refuri=uri, internal=True)
+
+
+# --- offline -------------------------------------------------------------------------------
+
+REMOTE = re.compile(r"(https?:)?//", re.IGNORECASE)
+REMOTE_CSS = re.compile(r"(?:url\(|@import)\s*['\"]?((?:https?:)?//[^'\")\s]+)", re.IGNORECASE)
+LOADED = {"script", "img", "iframe", "source", "video", "audio", "embed", "track", "object"}
+LINKED = {"stylesheet", "preload", "modulepreload", "prefetch", "icon", "manifest"}
+
+
+class RemoteFinder(HTMLParser):
+    """Collects every address a page would load by itself from a network."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def handle_starttag(self, tag, attrs):
+        attrs = {name: value or "" for name, value in attrs}
+        links = tag == "link" and LINKED & set(attrs.get("rel", "").split())
+        for name in ("src", "data", "poster") if tag in LOADED else ("href",) if links else ():
+            if REMOTE.match(attrs.get(name, "")):
+                self.found.append(attrs[name])
+        self.found += REMOTE_CSS.findall(attrs.get("style", ""))
+
+
+def find_remote(path: Path) -> list[str]:
+    text = path.read_text(encoding="utf-8", errors="replace")
+    if path.suffix == ".css":
+        return REMOTE_CSS.findall(text)
+    finder = RemoteFinder()
+    finder.feed(text)
+    return finder.found
+
+
+def drop_thebe(app, pagename, templatename, context, doctree):
+    # Jupyter Book always adds Thebe, which reaches for a network as soon as it is used.
+    def unwanted(script):
+        return "thebe" in str(script).lower() or "thebe" in str(getattr(script, "attributes", ""))
+
+    context["script_files"] = [s for s in context.get("script_files", []) if not unwanted(s)]
+
+
+def check_offline(app, exception):
+    if exception is None and app.builder.format == "html":
+        for path in sorted(Path(app.outdir).rglob("*")):
+            if path.suffix in {".html", ".css"} and "mathjax" not in path.parts:
+                for address in find_remote(path):
+                    LOGGER.warning("%s loads %s from a network", path.name, address)
+
+
+def forget_if_warned(app, exception):
+    # Sphinx would not repeat the warnings of a page that did not change.
+    if app._warncount:
+        Path(app.doctreedir, "environment.pickle").unlink(missing_ok=True)
+
+
+def setup(app):
+    app.add_node(RunTime)
+    app.add_node(RunTimes)
+    app.add_role("time", TimeRole())
+    app.add_directive("runtimes", RunTimesDirective)
+    app.connect("config-inited", set_execution)
+    app.connect("env-updated", record_runtimes)
+    app.connect("doctree-resolved", fill_in_times)
+    app.connect("html-page-context", drop_thebe, priority=900)
+    app.connect("build-finished", check_offline, priority=900)
+    app.connect("build-finished", forget_if_warned, priority=950)
+    return {"parallel_read_safe": False, "parallel_write_safe": False}

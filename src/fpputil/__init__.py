@@ -1,0 +1,1 @@
+"""Fringe projection profilometry, from a fringe to a point cloud."""

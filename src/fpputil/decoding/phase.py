@@ -1,0 +1,106 @@
+"""Phase shifting: frames to wrapped phase, modulation and mask (Eq. 2, 3, 16; chapter 3).
+
+Every function takes NumPy arrays or torch tensors and returns the same kind.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from array_api_compat import array_namespace, is_numpy_array
+
+THRESHOLD = 8.0  # grey levels of modulation, the paper's choice below Eq. 16
+
+
+def numerator_denominator(frames):
+    """M = sum I_n sin(delta_n) and D = sum I_n cos(delta_n) (Eq. 3). Chapter 3.
+
+    Parameters
+    ----------
+    frames : (N, ...) array
+        Frames of one fringe, equally shifted over a period, N at least 3; usually (N, H, W).
+
+    Returns
+    -------
+    M, D : (...) arrays
+        float64 for integer frames, otherwise the dtype of the frames.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 3 frames, mixed sizes or dtypes, or NaN.
+    """
+    frames = check_frames(frames)
+    xp = array_namespace(frames)
+    if not xp.isdtype(frames.dtype, "real floating"):
+        frames = xp.astype(frames, xp.float64)
+    steps = frames.shape[0]
+    delta = 2 * math.pi * xp.arange(steps, dtype=frames.dtype) / steps
+    M = xp.tensordot(xp.sin(delta), frames, axes=1)
+    D = xp.tensordot(xp.cos(delta), frames, axes=1)
+    return M, D
+
+
+def wrapped_phase(M, D):
+    """phi = -atan2(M, D) in radians, between -pi and pi (Eq. 3). Chapter 3."""
+    return -array_namespace(M, D).atan2(M, D)
+
+
+def modulation(M, D, steps: int):
+    """I'' = 2/N sqrt(M^2 + D^2), grey levels (Eq. 16). Chapter 3."""
+    return 2 / steps * array_namespace(M, D).sqrt(M**2 + D**2)
+
+
+def average(frames):
+    """I', the mean of the frames over the steps: the picture without fringes (Eq. 2)."""
+    frames = check_frames(frames)
+    xp = array_namespace(frames)
+    if not xp.isdtype(frames.dtype, "real floating"):
+        frames = xp.astype(frames, xp.float64)
+    return xp.mean(frames, axis=0)
+
+
+def mask(modulation_high, threshold: float = THRESHOLD):
+    """True where the modulation of the high-frequency fringe exceeds the threshold (Eq. 16)."""
+    return modulation_high > threshold
+
+
+def check_frames(frames, steps: int | None = None):
+    """Frames as one (N, ...) array, or a ValueError that says what is wrong with them.
+
+    Parameters
+    ----------
+    frames : (N, ...) array or sequence of N arrays
+        A stack, or single frames of one size and dtype.
+    steps : int, optional
+        Number of frames required; by default at least 3.
+    """
+    if isinstance(frames, list | tuple):
+        shapes = {tuple(f.shape) for f in frames}
+        dtypes = {str(f.dtype) for f in frames}
+        if len(shapes) > 1 or len(dtypes) > 1:
+            raise ValueError(
+                f"frames of sizes {sorted(shapes)} and dtypes {sorted(dtypes)} given; "
+                "all frames need one size and one dtype"
+            )
+        frames = array_namespace(*frames).stack(frames) if frames else np.empty((0, 0, 0))
+    xp = array_namespace(frames)
+    if not xp.isdtype(frames.dtype, ("integral", "real floating")):
+        raise ValueError(f"frames of dtype {frames.dtype} given; they are integers or real floats")
+    number = frames.shape[0] if frames.ndim else 0
+    if steps is not None and number != steps:
+        raise ValueError(f"{number} frames given; the fringes have {steps} steps in all")
+    if number < 3:
+        raise ValueError(f"{number} frames given; phase shifting needs at least 3 steps")
+    if 0 in frames.shape:
+        raise ValueError(f"frames of shape {tuple(frames.shape)} given; they hold no pixel")
+    if xp.isdtype(frames.dtype, "real floating") and not _finite(xp, frames):
+        raise ValueError("frames with NaN or infinite pixels given; mask them or photograph again")
+    return frames
+
+
+def _finite(xp, frames) -> bool:
+    if is_numpy_array(frames):  # the sum is finite if all are: no temporary the size of the stack
+        return all(np.isfinite(f).all() for f in frames)
+    return bool(xp.all(xp.isfinite(frames)))

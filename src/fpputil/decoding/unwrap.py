@@ -1,0 +1,219 @@
+"""Unwrapping: wrapped to absolute phase (Eq. 4-7; chapter 4).
+
+Functions of several frequencies take lists of phases (H, W) in radians and of pitches in
+projector pixels. All but `nt_tpu` and `spatial` work on NumPy arrays and torch tensors alike.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from array_api_compat import array_namespace
+
+TWO_PI = 2 * math.pi
+
+
+def wrap(phase):
+    """Phase modulo 2 pi, in (-pi, pi]."""
+    return phase - TWO_PI * array_namespace(phase).ceil((phase - math.pi) / TWO_PI)
+
+
+def absolute(phi, K):
+    """Phi = phi + 2 pi K (Eq. 4)."""
+    return phi + TWO_PI * K
+
+
+def fringe_order(phi, Phi_ref, ratio: float):
+    """K = round((ratio Phi_ref - phi) / 2 pi) (Eq. 6, 7). Chapter 4.
+
+    Parameters
+    ----------
+    phi : (...) array
+        Wrapped phase of the shorter pitch, radians.
+    Phi_ref : (...) array
+        Absolute phase of the longer pitch, radians.
+    ratio : float
+        Longer over shorter pitch (Eq. 5).
+    """
+    return array_namespace(phi, Phi_ref).round((ratio * Phi_ref - phi) / TWO_PI)
+
+
+def unit_phase(phi, pitch: float, width: float):
+    """Absolute phase of a fringe whose one period covers the projector. Chapter 4.
+
+    Pixel centres are at integers, so the projector spans columns -0.5 to width - 0.5. The phase
+    is taken into the period centred on that span: [-pi/width, 2 pi - pi/width) if the pitch
+    equals the width.
+
+    Raises
+    ------
+    ValueError
+        If the pitch is shorter than the width: the phase would be ambiguous.
+    """
+    start = unit_start(pitch, width)
+    return phi - TWO_PI * array_namespace(phi).floor((phi - start) / TWO_PI)
+
+
+def unit_start(pitch: float, width: float) -> float:
+    """Phase, radians, at which the period of `unit_phase` begins."""
+    if pitch < width:
+        raise ValueError(
+            f"pitch {pitch} on {width} columns given; the first pitch must cover the whole "
+            "projector, or its phase is ambiguous"
+        )
+    return -math.pi * (1 + pitch - width) / pitch
+
+
+def mf_tpu(phis, pitches, width: float):
+    """Multi-frequency temporal unwrapping over two or more frequencies (Eq. 4-7). Chapter 4.
+
+    Parameters
+    ----------
+    phis : sequence of P (...) arrays
+        Wrapped phases, radians.
+    pitches : sequence of P floats
+        Descending; the first covers the projector.
+    width : float
+        Projector columns.
+
+    Returns
+    -------
+    list of P (...) arrays
+        Absolute phases, radians; the last is the finest.
+
+    Raises
+    ------
+    ValueError
+        If the numbers differ, the pitches do not descend, or the first is too short.
+    """
+    check_pitches(phis, pitches)
+    Phi = [unit_phase(phis[0], pitches[0], width)]
+    for phi, longer, pitch in zip(phis[1:], pitches, pitches[1:], strict=False):
+        Phi.append(absolute(phi, fringe_order(phi, Phi[-1], longer / pitch)))
+    return Phi
+
+
+def beat(a: float, b: float) -> float:
+    """Pitch of the beat of two pitches a < b: a b / (b - a), projector pixels. Chapter 4."""
+    return a * b / (b - a)
+
+
+def mw_tpu(phis, pitches, width: float):
+    """Multi-wavelength (heterodyne) temporal unwrapping. Chapter 4.
+
+    The difference of two wrapped phases is the phase of their beat. Beats of beats are formed
+    until one remains; it must cover the projector, and unwraps its parents, and they theirs.
+
+    Parameters
+    ----------
+    phis : sequence of P (...) arrays
+        Wrapped phases, radians.
+    pitches : sequence of P floats
+        Ascending.
+    width : float
+        Projector columns.
+
+    Returns
+    -------
+    list of P (...) arrays
+        Absolute phases, radians, in the order given.
+    """
+    check_pitches(phis, [-p for p in pitches])
+    if len(phis) == 1:
+        return [unit_phase(phis[0], pitches[0], width)]
+    beats = [beat(a, b) for a, b in zip(pitches, pitches[1:], strict=False)]
+    order = np.argsort(beats)
+    differences = [wrap(phis[j] - phis[j + 1]) for j in order]
+    coarse = mw_tpu(differences, [beats[j] for j in order], width)
+    ref, Phi_ref = beats[order[0]], coarse[0]  # the shortest beat carries the least noise
+    pairs = zip(phis, pitches, strict=True)
+    return [absolute(phi, fringe_order(phi, Phi_ref, ref / pitch)) for phi, pitch in pairs]
+
+
+def nt_tpu(phis, pitches, width: int):
+    """Number-theoretical temporal unwrapping of two integer pitches. Chapter 4.
+
+    ``(pitch_1 phi_1 - pitch_2 phi_2) / 2 pi = K_2 pitch_2 - K_1 pitch_1`` is a whole number
+    that names the pair of orders, as long as the projector is no wider than the least common
+    multiple of the pitches.
+
+    Parameters
+    ----------
+    phis : two (...) arrays
+        Wrapped phases, radians.
+    pitches : two ints
+        Projector pixels, in the order of the phases.
+    width : int
+        Projector columns.
+
+    Returns
+    -------
+    list of two (...) arrays
+        Absolute phases, radians; NaN where no pair of orders gives the number.
+    """
+    if len(phis) != 2 or len(pitches) != 2 or any(int(p) != p or p < 1 for p in pitches):
+        raise ValueError(
+            f"{len(phis)} phases and pitches {pitches} given; the number-theoretical method "
+            "takes two phases of whole pitches"
+        )
+    p, q = (int(x) for x in pitches)
+    period, unit = math.lcm(p, q), math.gcd(p, q)
+    if period < width:
+        raise ValueError(
+            f"pitches {p} and {q} on {width} columns given; their least common multiple, "
+            f"{period}, must cover the projector"
+        )
+    a, b = (np.mod(x, TWO_PI) for x in phis)
+    number = np.rint((p * a - q * b) / (TWO_PI * unit))
+    table = _order_table(p, q, unit, int(width))
+    known = np.isfinite(number)
+    orders = np.full((2, *number.shape), np.nan)
+    index = (np.where(known, number, 0).astype(int) + table.shape[1] // 2) % table.shape[1]
+    orders[:, known] = table[:, index[known]]
+    return [absolute(a, orders[0]), absolute(b, orders[1])]
+
+
+def _order_table(p, q, unit, width):
+    """Orders K_1, K_2 of each whole number, (2, size), NaN where the number cannot occur."""
+    table = np.full((2, 2 * (p + q) // unit + 1), np.nan)
+    columns = np.arange(-1, 2 * width) / 2  # the half pixels before and after each centre
+    for shift_p, shift_q in ((0.25, -0.25), (-0.25, 0.25), (0, 0)):  # last wins: no noise
+        K = np.floor((columns + shift_p) / p), np.floor((columns + shift_q) / q)
+        table[:, ((K[1] * q - K[0] * p) / unit).astype(int) + table.shape[1] // 2] = K
+    return table
+
+
+def spatial(phi, mask):
+    """Spatial unwrapping by reliability sorting, through scikit-image. Chapter 4.
+
+    Each connected part keeps an unknown multiple of 2 pi.
+
+    Parameters
+    ----------
+    phi : (H, W) array
+        Wrapped phase, radians.
+    mask : (H, W) bool array
+        Pixels to unwrap.
+
+    Returns
+    -------
+    (H, W) float64 array
+        NaN outside the mask.
+    """
+    from skimage.restoration import unwrap_phase
+
+    if not np.any(mask):
+        raise ValueError("empty mask given; spatial unwrapping needs at least one pixel")
+    hidden = np.ma.array(np.where(mask, phi, 0), mask=~np.asarray(mask))
+    return np.ma.filled(unwrap_phase(hidden, rng=0).astype(np.float64), np.nan)
+
+
+def check_pitches(phis, pitches) -> None:
+    """ValueError unless there are as many pitches as phases, and they descend."""
+    if len(phis) != len(pitches) or not len(phis):
+        raise ValueError(f"{len(phis)} phases and {len(pitches)} pitches given; pair them")
+    if any(b >= a for a, b in zip(pitches, pitches[1:], strict=False)):
+        shown = [abs(p) for p in pitches]
+        order = "descend" if pitches[0] > 0 else "ascend"
+        raise ValueError(f"pitches {shown} given; they must {order} strictly")

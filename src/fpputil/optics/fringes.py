@@ -1,0 +1,166 @@
+"""Fringe patterns: what the projector shows (Eq. 1; chapter 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+WHITE = 255.0
+
+
+@dataclass(frozen=True)
+class Fringe:
+    """One phase-shifted set of sinusoidal patterns (Eq. 1).
+
+    ``I_n = 255/2 (1 + cos(2 pi i / pitch + delta_n))`` with ``delta_n = 2 pi n / steps``,
+    ``n = 0 .. steps-1`` and ``i`` the projector column (or row). Chapter 1.
+
+    Parameters
+    ----------
+    pitch : float
+        Projector pixels per period.
+    steps : int
+        Number of phase shifts N.
+    axis : {"column", "row"}
+        Coordinate along which the intensity varies: "column" gives vertical fringes,
+        "row" horizontal ones.
+    gamma : float
+        Response of the projector: the normalised intensity is raised to this power.
+    levels : int or None
+        Grey levels of the projector (256 for 8 bit); None leaves the pattern unquantised.
+    grid : bool
+        True keeps one intensity over each projector pixel; False is a continuous slide.
+    defocus : float
+        Standard deviation of the Gaussian blur in projector pixels; it acts on the pixel grid.
+
+    Raises
+    ------
+    ValueError
+        If a parameter lies outside its range; the message restates it.
+    """
+
+    pitch: float
+    steps: int = 15
+    axis: str = "column"
+    gamma: float = 1.0
+    levels: int | None = None
+    grid: bool = False
+    defocus: float = 0.0
+
+    def __post_init__(self):
+        if not (np.isfinite(self.pitch) and self.pitch > 0):
+            raise ValueError(
+                f"pitch {self.pitch} given; a fringe pitch is a positive number of projector pixels"
+            )
+        if int(self.steps) != self.steps or self.steps < 3:
+            raise ValueError(
+                f"{self.steps} steps given; average, modulation and phase are three unknowns, "
+                "so phase shifting needs at least 3 steps"
+            )
+        if self.axis not in ("column", "row"):
+            raise ValueError(f"axis {self.axis!r} given; fringes vary along 'column' or 'row'")
+        if not (np.isfinite(self.gamma) and self.gamma > 0):
+            raise ValueError(f"gamma {self.gamma} given; a projector gamma is positive")
+        if self.levels is not None and (int(self.levels) != self.levels or self.levels < 2):
+            raise ValueError(f"{self.levels} levels given; a projector has at least 2 grey levels")
+        if not (np.isfinite(self.defocus) and self.defocus >= 0):
+            raise ValueError(f"defocus {self.defocus} given; it is a blur of 0 or more pixels")
+
+    @property
+    def shifts(self) -> np.ndarray:
+        """Phase shifts delta_n in radians, shape (N,)."""
+        return 2 * np.pi * np.arange(self.steps) / self.steps
+
+    @property
+    def ideal(self) -> bool:
+        """True if the pattern is the sinusoid of Eq. 1 itself."""
+        return self.gamma == 1 and self.levels is None and not self.grid and self.defocus == 0
+
+    def phase(self, coordinate: np.ndarray) -> np.ndarray:
+        """Absolute phase Phi = 2 pi i / pitch, in radians, of projector coordinates."""
+        return 2 * np.pi * np.asarray(coordinate, np.float64) / self.pitch
+
+    def intensity(self, coordinate: np.ndarray, n: int) -> np.ndarray:
+        """Light of pattern n at continuous projector coordinates, 0 to 255.
+
+        Parameters
+        ----------
+        coordinate : (...) array
+            Projector column (or row) in pixels, centres at integers.
+        n : int
+            Index of the step, 0 to ``steps`` - 1.
+        """
+        i = np.asarray(coordinate, np.float64)
+        if self.defocus > 0:
+            return self._blurred(i, n)
+        return self._shown(np.floor(i + 0.5) if self.grid else i, n)
+
+    def images(self, width: int, height: int) -> np.ndarray:
+        """The patterns as the projector's frame buffer holds them.
+
+        Returns
+        -------
+        (N, H, W) array
+            uint8 for 256 levels, float64 otherwise. Gamma and defocus belong to the optics,
+            so they do not show here.
+        """
+        line = np.arange(width if self.axis == "column" else height)
+        rows = np.stack([self._buffer(line, n) for n in range(self.steps)])
+        rows = rows.astype(np.uint8) if self.levels == 256 else rows
+        rows = rows[:, None, :] if self.axis == "column" else rows[:, :, None]
+        return np.ascontiguousarray(np.broadcast_to(rows, (self.steps, height, width)))
+
+    def _buffer(self, i, n):
+        value = WHITE / 2 * (1 + np.cos(self.phase(i) + self.shifts[n]))
+        if self.levels is None:
+            return value
+        top = self.levels - 1
+        return np.rint(value / WHITE * top) * (WHITE / top)
+
+    def _shown(self, i, n):
+        value = self._buffer(i, n)
+        return value if self.gamma == 1 else WHITE * (value / WHITE) ** self.gamma
+
+    def _blurred(self, i, n):
+        centre = np.floor(i + 0.5)
+        reach = int(np.ceil(5 * self.defocus)) + 1
+        total = np.zeros_like(i)
+        for k in range(-reach, reach + 1):
+            left = (centre + k - 0.5 - i) / self.defocus
+            weight = ndtr(left + 1 / self.defocus) - ndtr(left)
+            total += weight * self._shown(centre + k, n)
+        return total
+
+
+def fringe_set(pitches: Iterable[float], steps: int | Iterable[int] = 15, **options):
+    """Fringes of several pitches, as temporal unwrapping needs them.
+
+    Parameters
+    ----------
+    pitches : sequence of float
+        Projector pixels per period.
+    steps : int or sequence of int
+        Steps of all, or of each, pitch.
+    **options
+        Passed to every `Fringe`.
+
+    Returns
+    -------
+    tuple of Fringe
+
+    Examples
+    --------
+    >>> [f.pitch for f in fringe_set((912, 114, 15))]
+    [912, 114, 15]
+    """
+    pitches = tuple(pitches)
+    each = (steps,) * len(pitches) if np.isscalar(steps) else tuple(steps)
+    if not pitches or len(each) != len(pitches):
+        raise ValueError(
+            f"{len(pitches)} pitches and {len(each)} step counts given; "
+            "each of at least one pitch needs its number of steps"
+        )
+    return tuple(Fringe(p, n, **options) for p, n in zip(pitches, each, strict=True))

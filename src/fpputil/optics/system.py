@@ -1,0 +1,317 @@
+"""The virtual system: a camera and a projector as two pinholes (Table 2; chapter 2).
+
+The camera is the world: x right, y down, z forward, millimetres. Pixel centres lie at integer
+coordinates, as in OpenCV.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Pinhole:
+    """A pinhole with lens distortion; a projector is a camera that sends light.
+
+    Parameters
+    ----------
+    width, height : int
+        Pixels.
+    K : (3, 3) array
+        Camera matrix, pixels.
+    R : (3, 3) array
+        Rotation from the world to this pinhole's frame.
+    t : (3,) array
+        Translation in mm: ``x_local = R x_world + t``.
+    distortion : (k,) array
+        OpenCV's coefficients (k1, k2, p1, p2, k3 ...); empty for an ideal lens.
+
+    Raises
+    ------
+    ValueError
+        If the camera matrix is degenerate, R is no rotation, or a shape is wrong.
+    """
+
+    width: int
+    height: int
+    K: np.ndarray
+    R: np.ndarray = field(default_factory=lambda: np.eye(3))
+    t: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    distortion: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self):
+        for name in ("K", "R", "t", "distortion"):
+            value = np.array(getattr(self, name), np.float64)
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        _check_pinhole(self)
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Optical centre in the world, (3,), mm."""
+        return -self.R.T @ self.t
+
+    @property
+    def P(self) -> np.ndarray:
+        """Projection matrix K [R | t], (3, 4), of the ideal lens."""
+        return self.K @ np.column_stack([self.R, self.t])
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels of world points; NaN for points not in front of the pinhole.
+
+        Parameters
+        ----------
+        points : (..., 3) array
+            World coordinates, mm.
+
+        Returns
+        -------
+        (..., 2) float64 array
+            u (column) and v (row), pixels.
+        """
+        points = np.asarray(points, np.float64)
+        local = points @ self.R.T + self.t
+        with np.errstate(divide="ignore", invalid="ignore"):
+            xy = local[..., :2] / local[..., 2:]
+        xy = np.where(local[..., 2:] > 0, xy, np.nan)
+        if self.distortion.any():
+            flat = np.ascontiguousarray(local.reshape(-1, 3))
+            lens, _ = cv2.projectPoints(flat, np.zeros(3), np.zeros(3), np.eye(3), self.distortion)
+            xy = np.where(np.isfinite(xy), lens.reshape(xy.shape), np.nan)
+        return xy @ self.K[:2, :2].T + self.K[:2, 2]
+
+    def rays(self, pixels: np.ndarray | None = None) -> np.ndarray:
+        """Directions, in the world, of the rays through pixels; z is 1 in the pinhole's frame.
+
+        Parameters
+        ----------
+        pixels : (..., 2) array, optional
+            u and v; by default the (H, W, 2) grid of all pixel centres.
+
+        Returns
+        -------
+        (..., 3) float64 array
+            ``centre + s * rays`` are the points seen at the pixels.
+        """
+        pixels = self.grid() if pixels is None else np.asarray(pixels, np.float64)
+        xy = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
+        if self.distortion.any():
+            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+            flat = np.ascontiguousarray(xy.reshape(-1, 1, 2))
+            lens = cv2.undistortPointsIter(flat, np.eye(3), self.distortion, None, None, criteria)
+            xy = lens.reshape(xy.shape)
+        return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) @ self.R
+
+    def grid(self) -> np.ndarray:
+        """Pixel centres u, v, shape (H, W, 2)."""
+        return np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), -1).astype(
+            np.float64
+        )
+
+    def inside(self, pixels: np.ndarray) -> np.ndarray:
+        """True where pixels (..., 2) lie on the sensor, from -0.5 to size - 0.5."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Camera, projector and the measuring range between two planes of the camera.
+
+    Parameters
+    ----------
+    camera, projector : Pinhole
+        Both posed in the world.
+    z_min, z_max : float
+        Measuring range along the camera's axis, mm. Objects lie wholly inside it.
+    """
+
+    camera: Pinhole
+    projector: Pinhole
+    z_min: float
+    z_max: float
+
+    def __post_init__(self):
+        if not 0 < self.z_min < self.z_max < np.inf:
+            raise ValueError(
+                f"measuring range {self.z_min} to {self.z_max} mm given; "
+                "it needs 0 < z_min < z_max, both finite"
+            )
+
+    def points_at(self, z: float | np.ndarray) -> np.ndarray:
+        """World points seen by each camera pixel on the plane z (mm) of the camera, (H, W, 3)."""
+        rays = self.camera.rays() @ self.camera.R.T
+        local = rays * (np.asarray(z, np.float64)[..., None] / rays[..., 2:])
+        return (local - self.camera.t) @ self.camera.R
+
+    def columns_at(self, z: float | np.ndarray) -> np.ndarray:
+        """Projector column that lights each camera pixel on the plane z (mm), (H, W)."""
+        return self.projector.project(self.points_at(z))[..., 0]
+
+    def columns_per_mm(self, z: float | np.ndarray, step: float = 0.1) -> np.ndarray:
+        """Sensitivity |d column / d z| at depth z, (H, W), projector pixels per mm."""
+        return np.abs(self.columns_at(z + step) - self.columns_at(z - step)) / (2 * step)
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
+        path = Path(path)
+        text = _to_yaml(self) if _is_yaml(path) else json.dumps(_to_dict(self), indent=2) + "\n"
+        partial = path.with_name(path.name + ".part")
+        partial.write_text(text)
+        os.replace(partial, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> System:
+        """Read a system written by `save`; ValueError if the file is not whole."""
+        path = Path(path)
+        if not path.is_file():
+            raise FileNotFoundError(f"{path} given; there is no such system file")
+        try:
+            read = _from_yaml if _is_yaml(path) else json.loads
+            return _from_dict(read(path.read_text()))
+        except (KeyError, TypeError, ValueError, cv2.error, SystemError) as error:
+            raise ValueError(
+                f"{path} given; a system file holds camera, projector, z_min and z_max whole "
+                f"({type(error).__name__}: {error})"
+            ) from error
+
+
+def from_blender(position_m, euler_deg) -> tuple[np.ndarray, np.ndarray]:
+    """Pose of a Blender camera or light as R (world to local) and centre (mm) in CV axes.
+
+    Blender: metres, rotation Rz Ry Rx, the object looks along its -z with +y up. Chapter 2.
+    """
+    to_world = Rotation.from_euler("xyz", euler_deg, degrees=True).as_matrix()
+    return np.diag([1.0, -1.0, -1.0]) @ to_world.T, 1000 * np.asarray(position_m, np.float64)
+
+
+def table2(camera_width: int = 640) -> System:
+    """The paper's virtual system (Table 2) with the camera `camera_width` pixels wide.
+
+    Positions, rotations, resolutions and the 12 mm lens are the paper's. Sensor width 7.2 mm,
+    projector focal length 1.4 x 912 pixels and the measuring range 480 to 820 mm are ours.
+    """
+    R_c, c_c = from_blender((0, 0, 0), (90, 0, 90))
+    R_p, c_p = from_blender((-0.15, 0.045, 0), (90, 0, 95))
+    R, centre = R_p @ R_c.T, R_c @ (c_p - c_c)
+    w, h = camera_width, camera_width * 3 // 4
+    camera = Pinhole(w, h, camera_matrix(12 / 7.2 * w, w, h))
+    projector = Pinhole(912, 1140, camera_matrix(1.4 * 912, 912, 1140), R, -R @ centre)
+    return System(camera, projector, 480.0, 820.0)
+
+
+def camera_matrix(focal: float, width: int, height: int) -> np.ndarray:
+    """K with square pixels and the principal point in the middle, (3, 3), pixels."""
+    return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Preset:
+    """A system and its four pitches (high, mid, z-min, unit), named by book and tests."""
+
+    name: str
+    system: System
+    high: float
+    mid: float
+    zmin: float
+    unit: float
+
+    @property
+    def descending(self) -> tuple[float, float, float]:
+        """Pitches of multi-frequency unwrapping, longest first: unit, mid, high."""
+        return self.unit, self.mid, self.high
+
+
+def preset(name: str) -> Preset:
+    """The preset "tiny" (160 x 120), "small" (320 x 240) or "paper" (640 x 480)."""
+    known = {"tiny": (160, 24), "small": (320, 18), "paper": (640, 15)}
+    if name not in known:
+        raise ValueError(f"preset {name!r} given; the presets are {', '.join(known)}")
+    width, high = known[name]
+    return Preset(name, table2(width), high, 114, 304, 912)
+
+
+def _check_pinhole(p: Pinhole) -> None:
+    if p.K.shape != (3, 3) or p.R.shape != (3, 3) or p.t.shape != (3,):
+        raise ValueError(
+            f"K {p.K.shape}, R {p.R.shape}, t {p.t.shape} given; they are (3, 3), (3, 3) and (3,)"
+        )
+    if p.width < 1 or p.height < 1:
+        raise ValueError(f"{p.width} x {p.height} pixels given; a sensor has at least one pixel")
+    if not all(np.isfinite(a).all() for a in (p.K, p.R, p.t, p.distortion)):
+        raise ValueError("NaN or infinite camera parameters given; all must be finite")
+    if not (p.K[0, 0] > 0 and p.K[1, 1] > 0 and np.allclose(p.K[2], (0, 0, 1)) and p.K[1, 0] == 0):
+        raise ValueError(
+            f"camera matrix {p.K.tolist()} given; it needs positive focal lengths and the "
+            "last row 0 0 1, or its rays are undefined"
+        )
+    if not (np.allclose(p.R @ p.R.T, np.eye(3), atol=1e-6) and np.linalg.det(p.R) > 0):
+        raise ValueError(f"rotation {p.R.tolist()} given; R must be orthonormal with det +1")
+    if p.distortion.size not in (0, 4, 5, 8, 12, 14):
+        raise ValueError(
+            f"{p.distortion.size} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or 14"
+        )
+
+
+def _is_yaml(path: Path) -> bool:
+    if path.suffix not in (".json", ".yml", ".yaml"):
+        raise ValueError(f"{path.name} given; a system file ends in .json, .yml or .yaml")
+    return path.suffix != ".json"
+
+
+def _to_dict(system: System) -> dict:
+    def pinhole(p):
+        arrays = {k: getattr(p, k).tolist() for k in ("K", "R", "t", "distortion")}
+        return {"width": p.width, "height": p.height, **arrays}
+
+    return {
+        "camera": pinhole(system.camera),
+        "projector": pinhole(system.projector),
+        "z_min": system.z_min,
+        "z_max": system.z_max,
+    }
+
+
+def _from_dict(data: dict) -> System:
+    def pinhole(p):
+        return Pinhole(int(p["width"]), int(p["height"]), p["K"], p["R"], p["t"], p["distortion"])
+
+    camera, projector = pinhole(data["camera"]), pinhole(data["projector"])
+    return System(camera, projector, float(data["z_min"]), float(data["z_max"]))
+
+
+def _to_yaml(system: System) -> str:
+    store = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    for key, value in _to_dict(system).items():
+        if not isinstance(value, dict):
+            store.write(key, value)
+            continue
+        for name, entry in value.items():
+            entry = np.array(entry, np.float64) if isinstance(entry, list) else entry
+            if not (isinstance(entry, np.ndarray) and entry.size == 0):
+                store.write(f"{key}_{name}", entry)
+    return store.releaseAndGetString()
+
+
+def _from_yaml(text: str) -> dict:
+    store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+
+    def value(key):
+        node = store.getNode(key)
+        if node.isNone():
+            if key.endswith("_distortion"):
+                return []
+            raise KeyError(key)
+        matrix = None if node.isReal() or node.isInt() else node.mat()
+        return node.real() if matrix is None else matrix.squeeze()
+
+    names = ("width", "height", "K", "R", "t", "distortion")
+    pinholes = {k: {n: value(f"{k}_{n}") for n in names} for k in ("camera", "projector")}
+    return {**pinholes, "z_min": value("z_min"), "z_max": value("z_max")}

@@ -1,0 +1,168 @@
+"""One view of an object: where each camera pixel is lit from, and its photographs (chapter 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fpputil.optics.fringes import WHITE, Fringe
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What the camera sees of a scene, before any pattern is chosen. Chapter 2.
+
+    Parameters
+    ----------
+    column, row : (H, W) float32 array
+        Projector pixel that lights the camera pixel; NaN outside the mask.
+    shade : (H, W) float32 array
+        Share of the projected intensity that returns to the pixel; 0 outside the mask.
+    depth : (H, W) float32 array
+        Distance along the camera's axis, mm; NaN outside the mask.
+    mask : (H, W) bool array
+        True where a surface is seen that the projector lights.
+    fine : View, optional
+        The same view on an s times finer grid; frames are then means over s x s samples.
+    """
+
+    column: np.ndarray
+    row: np.ndarray
+    shade: np.ndarray
+    depth: np.ndarray
+    mask: np.ndarray
+    fine: View | None = None
+
+    def __post_init__(self):
+        shapes = {np.shape(a) for a in (self.column, self.row, self.shade, self.depth, self.mask)}
+        if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+            raise ValueError(f"arrays of shapes {sorted(shapes)} given; a view needs one (H, W)")
+        if not np.any(self.mask):
+            raise ValueError(
+                "view with an empty mask given; at least one pixel must be seen and lit "
+                "(is the object inside the measuring range and facing the projector?)"
+            )
+
+    def frames(
+        self,
+        fringes: Fringe | Iterable[Fringe],
+        noise: float = 0.0,
+        seed: int | None = None,
+        *,
+        gain: float = 1.0,
+        ambient: float = 0.0,
+        gamma: float = 1.0,
+        saturation: float | None = None,
+        quantise: bool = True,
+    ) -> np.ndarray:
+        """Photograph the view under one fringe or a set of them.
+
+        Parameters
+        ----------
+        fringes : Fringe or sequence of Fringe
+            The projected patterns, in the order of the frames.
+        noise : float
+            Standard deviation of the Gaussian read noise, grey levels.
+        seed : int, optional
+            Seed of the noise; needed if ``noise > 0``.
+        gain : float
+            Exposure: factor on the light.
+        ambient : float
+            Light, in grey levels, that does not come from the projector.
+        gamma : float
+            Camera response: the normalised intensity is raised to this power.
+        saturation : float, optional
+            Grey level above which the sensor clips. Quantised frames clip at 255 at the latest;
+            float frames do not clip unless it is given.
+        quantise : bool
+            True for uint8, False for float64.
+
+        Returns
+        -------
+        (N, H, W) array
+            uint8 or float64; N is the number of steps of all fringes together.
+
+        Raises
+        ------
+        ValueError
+            If a parameter is out of range, or noise is asked for without a seed.
+        """
+        fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
+        _check_camera(noise, seed, gain, ambient, gamma, saturation)
+        if not fringes:
+            raise ValueError("no fringe given; a photograph needs at least one pattern")
+        number = sum(f.steps for f in fringes)
+        out = np.empty((number, *self.mask.shape), np.uint8 if quantise else np.float64)
+        dtype = np.float32 if quantise else np.float64
+        rng = np.random.default_rng(seed)
+        top = np.inf if saturation is None else saturation
+        top = min(top, WHITE) if quantise else top
+        n = 0
+        for fringe in fringes:
+            for light in self._lights(fringe, dtype):
+                if gain != 1:
+                    light *= dtype(gain)
+                if ambient:
+                    light += dtype(ambient)
+                if gamma != 1:
+                    light = dtype(WHITE) * (light / dtype(WHITE)) ** dtype(gamma)
+                if noise:
+                    light += dtype(noise) * rng.standard_normal(light.shape, dtype)
+                if noise or np.isfinite(top):
+                    lowest = 0 if quantise else -np.inf
+                    np.clip(light, lowest, top, out=light)
+                if quantise:
+                    np.rint(light, out=light)
+                out[n] = light
+                n += 1
+        return out
+
+    def plain(self, **camera) -> np.ndarray:
+        """The view in plain white light, (H, W); keyword arguments as for `frames`."""
+        white = Fringe(1e12, 3)  # a period so long that step 0 is white over the whole field
+        return self.frames(white, **camera)[0]
+
+    def _lights(self, fringe: Fringe, dtype) -> Iterator[np.ndarray]:
+        """Light of each step at each pixel, before the camera, (H, W)."""
+        if self.fine is not None:
+            for light in self.fine._lights(fringe, dtype):
+                yield _block_mean(light, self.mask.shape)
+            return
+        coordinate = self.column if fringe.axis == "column" else self.row
+        shade = self.shade.astype(dtype)
+        coordinate = np.where(self.mask, coordinate, 0).astype(np.float64)
+        if not fringe.ideal:
+            for n in range(fringe.steps):
+                yield (shade * fringe.intensity(coordinate, n)).astype(dtype)
+            return
+        phase = np.remainder(fringe.phase(coordinate), 2 * np.pi).astype(dtype)
+        half = shade * dtype(WHITE / 2)
+        cosine, sine = half * np.cos(phase), half * np.sin(phase)
+        work = np.empty_like(half)
+        for delta in fringe.shifts:
+            light = cosine * dtype(np.cos(delta))
+            light += half
+            np.multiply(sine, dtype(np.sin(delta)), out=work)
+            light -= work
+            yield light
+
+
+def _block_mean(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    h, w = shape
+    return image.reshape(h, image.shape[0] // h, w, image.shape[1] // w).mean(axis=(1, 3))
+
+
+def _check_camera(noise, seed, gain, ambient, gamma, saturation):
+    if not (np.isfinite(noise) and noise >= 0):
+        raise ValueError(f"noise {noise} given; it is a standard deviation of 0 or more levels")
+    if noise and seed is None:
+        raise ValueError(f"noise {noise} without a seed given; random draws need a seed")
+    if not (gain > 0 and gamma > 0 and ambient >= 0):
+        raise ValueError(
+            f"gain {gain}, gamma {gamma}, ambient {ambient} given; gain and gamma are positive "
+            "and ambient light is not negative"
+        )
+    if saturation is not None and not saturation > 0:
+        raise ValueError(f"saturation {saturation} given; a sensor clips at a positive level")

@@ -1,0 +1,194 @@
+"""The one figure style of the book, and its pictures of phases, errors, depths and bodies.
+
+Phase that wraps is drawn in a cyclic colour map, absolute phase and depth in sequential ones,
+signed error in a diverging one centred on zero. Pixels outside the mask stay blank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+import trimesh
+from matplotlib.axes import Axes
+
+from fpputil.optics.raycast import bvh, raycast
+from fpputil.optics.system import Pinhole, System, camera_matrix
+
+COLOURS = ("#1b4f72", "#d35400", "#1e8449", "#7d3c98", "#b7950b", "#5d6d7e")
+
+plt.rcParams.update(
+    {
+        "figure.dpi": 130,
+        "figure.constrained_layout.use": True,
+        "font.size": 9,
+        "axes.titlesize": 9,
+        "axes.prop_cycle": plt.cycler(color=COLOURS),
+        "axes.grid": True,
+        "grid.alpha": 0.25,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "image.interpolation": "nearest",
+        "legend.frameon": False,
+    }
+)
+
+
+def panels(columns: int, rows: int = 1, width: float = 8.0, aspect: float = 0.75):
+    """A figure of pictures in a grid.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Number of pictures across and down.
+    width : float
+        Of the whole figure, inches.
+    aspect : float
+        Height over width of one picture.
+
+    Returns
+    -------
+    fig, axes
+        matplotlib Figure and a flat array of its Axes.
+    """
+    height = rows * (width / columns * aspect * 0.82 + 0.35)
+    fig, axes = plt.subplots(rows, columns, figsize=(width, height), squeeze=False)
+    return fig, axes.ravel()
+
+
+def frame(ax: Axes, image: np.ndarray, title: str = "", top: float = 255) -> None:
+    """A photograph (H, W) in grey levels, or an RGB picture (H, W, 3)."""
+    ax.imshow(image, cmap="gray", vmin=0, vmax=top)
+    _bare(ax, title)
+
+
+def wrapped(ax: Axes, phi: np.ndarray, title: str = "wrapped phase") -> None:
+    """A wrapped phase (H, W), radians, in a cyclic colour map."""
+    bar = _map(ax, phi, title, "twilight", -np.pi, np.pi, "rad")
+    bar.set_ticks([-np.pi, 0, np.pi], labels=["-π", "0", "π"])
+
+
+def absolute(ax: Axes, Phi: np.ndarray, title: str = "absolute phase") -> None:
+    """An absolute phase (H, W), radians."""
+    _map(ax, Phi, title, "viridis", None, None, "rad")
+
+
+def depth(ax: Axes, z: np.ndarray, title: str = "depth") -> None:
+    """A depth map (H, W), mm; near is bright."""
+    _map(ax, z, title, "cividis_r", None, None, "mm")
+
+
+def error(ax: Axes, e: np.ndarray, title: str = "error", unit="rad", limit=None) -> None:
+    """A signed error (H, W), white at zero; `limit` defaults to the 99th percentile of |e|."""
+    if limit is None:
+        limit = float(np.nanpercentile(np.abs(e), 99)) or 1.0
+    _map(ax, e, title, "RdBu_r", -limit, limit, unit)
+
+
+def quantity(ax: Axes, values: np.ndarray, title: str, unit: str, low=None, high=None) -> None:
+    """Any other map (H, W) on a sequential scale."""
+    _map(ax, values, title, "viridis", low, high, unit)
+
+
+def orders(ax: Axes, K: np.ndarray, title: str = "fringe order") -> None:
+    """A fringe-order map (H, W)."""
+    _map(ax, K, title, "viridis", None, None, "periods")
+
+
+def _map(ax, values, title, cmap, low, high, unit):
+    shown = ax.imshow(np.asarray(values, np.float64), cmap=cmap, vmin=low, vmax=high)
+    _bare(ax, title)
+    return ax.figure.colorbar(shown, ax=ax, label=unit, fraction=0.046, pad=0.03)
+
+
+def _bare(ax, title):
+    ax.set(xticks=[], yticks=[], title=title)
+    ax.grid(False)
+    ax.spines[:].set_visible(False)
+
+
+def bodies(
+    meshes: Sequence[tuple[trimesh.Trimesh, str]],
+    look_from,
+    look_at,
+    size: tuple[int, int] = (960, 640),
+    angle: float = 30.0,
+) -> np.ndarray:
+    """Picture of meshes in space, by PyVista, or shaded by Embree where PyVista cannot draw.
+
+    Parameters
+    ----------
+    meshes : sequence of (trimesh.Trimesh, colour)
+        World coordinates, mm; matplotlib's names of colours.
+    look_from, look_at : (3,) arrays
+        Eye and target, mm. Up in the picture is the world's -y.
+    size : (width, height)
+        Pixels.
+    angle : float
+        Vertical field of view, degrees.
+
+    Returns
+    -------
+    (H, W, 3) uint8 array
+    """
+    from fpputil.probe import pyvista_works
+
+    if not meshes:
+        raise ValueError("no mesh given; a picture needs at least one")
+    draw = _by_pyvista if pyvista_works() else _by_embree
+    return draw(meshes, np.asarray(look_from, float), np.asarray(look_at, float), size, angle)
+
+
+def wires(segments, radius: float = 1.2) -> trimesh.Trimesh:
+    """Line segments, (S, 2, 3), mm, as one mesh of thin rods."""
+    rods = [trimesh.creation.cylinder(radius, segment=s, sections=8) for s in np.asarray(segments)]
+    return trimesh.util.concatenate(rods)
+
+
+def frustum(pinhole: Pinhole, reach: float, radius: float = 1.2) -> trimesh.Trimesh:
+    """The edges of what a pinhole sees or lights up to `reach` mm, as rods."""
+    w, h = pinhole.width - 0.5, pinhole.height - 0.5
+    corners = np.array([(-0.5, -0.5), (w, -0.5), (w, h), (-0.5, h)])
+    ends = pinhole.centre + reach * pinhole.rays(corners)
+    rays = [(pinhole.centre, end) for end in ends]
+    return wires(rays + list(zip(ends, np.roll(ends, -1, axis=0), strict=True)), radius)
+
+
+def _by_pyvista(meshes, look_from, look_at, size, angle):
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="three lights")
+    plotter.set_background("white")
+    for mesh, colour in meshes:
+        plotter.add_mesh(pyvista.wrap(mesh), color=colour, smooth_shading=False, specular=0.1)
+    plotter.camera.position, plotter.camera.focal_point = tuple(look_from), tuple(look_at)
+    plotter.camera.up, plotter.camera.view_angle = (0.0, -1.0, 0.0), angle
+    plotter.renderer.reset_camera_clipping_range()
+    plotter.enable_anti_aliasing("ssaa")
+    image = np.asarray(plotter.screenshot(return_img=True))[..., :3]
+    plotter.close()
+    return image
+
+
+def _by_embree(meshes, look_from, look_at, size, angle):
+    """The same picture from our own ray caster: the lamp stands at the eye."""
+    width, height = size
+    forward = (look_at - look_from) / np.linalg.norm(look_at - look_from)
+    right = np.cross([0.0, 1.0, 0.0], forward)
+    right /= np.linalg.norm(right)
+    R = np.stack([right, np.cross(forward, right), forward])
+    K = camera_matrix(height / 2 / np.tan(np.radians(angle) / 2), width, height)
+    eye = Pinhole(width, height, K, R, -R @ look_from)
+    whole = trimesh.util.concatenate([m for m, _ in meshes])
+    colours = np.array([plt.matplotlib.colors.to_rgb(c) for _, c in meshes])
+    owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m, _ in meshes])
+    far = np.linalg.norm(whole.vertices - look_from, axis=1).max()
+    system, scene = System(eye, eye, 1.0, 2 * far + 1), bvh(whole)
+    light = [
+        raycast(whole, system, albedo=0.3 + 0.7 * c, white_at=1.0, scene=scene)
+        for c in colours[owner].T
+    ]
+    distance = np.linalg.norm(eye.rays(), axis=-1) * light[0].depth
+    rgb = np.stack([v.shade * distance**2 for v in light], -1)
+    return np.where(light[0].mask[..., None], np.clip(255 * rgb, 0, 255), 255).astype(np.uint8)

@@ -1,0 +1,106 @@
+"""What this machine can do: 3D pictures through PyVista, photographs through Blender.
+
+VTK ends the process (no exception) where EGL is missing, so both are tried in a process
+of their own. ``python -m fpputil.probe`` tries both, says what is missing, and remembers
+what works beside the environment, so that notebooks need not try again.
+"""
+
+import functools
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+_EGL = "vtkEGLRenderWindow"
+_MEMORY = Path(sys.prefix) / ".fpputil-probe.json"
+_PACKAGES = {
+    "pyvista": "libegl1 libegl-mesa0 libgl1-mesa-dri",
+    "bpy": "libgl1 libsm6 libice6 libx11-6 libxext6 libxfixes3 libxi6 libxrender1 libxkbcommon0",
+}
+_FALLBACK = {
+    "pyvista": "3D figures are shaded by Embree instead",
+    "bpy": "pages with Blender show their stored photographs",
+}
+_TRIAL = {
+    "pyvista": "import pyvista; p = pyvista.Plotter(off_screen=True, window_size=(32, 32)); "
+    "p.add_mesh(pyvista.Sphere()); assert p.screenshot(return_img=True).std() > 0",
+    "bpy": "import bpy; bpy.context.scene.render",
+}
+
+
+@functools.lru_cache
+def pyvista_works() -> bool:
+    """Whether PyVista can render off screen here. ``FPP_PYVISTA=0`` says no without a trial.
+
+    Where it can and no display is open, VTK is told to render through EGL.
+    """
+    works = os.environ.get("FPP_PYVISTA") != "0" and _known_or_tried("pyvista")
+    if works:
+        os.environ.update(_environment("pyvista"))
+    return works
+
+
+@functools.lru_cache
+def blender_works() -> bool:
+    """Whether ``import bpy`` succeeds here. ``FPP_BLENDER=0`` says no without a trial."""
+    return os.environ.get("FPP_BLENDER") != "0" and _known_or_tried("bpy")
+
+
+def _known_or_tried(name: str) -> bool:
+    # Only success is remembered: whoever installs a missing library is believed at once.
+    if importlib.util.find_spec(name) is None:
+        return False
+    return name in _remembered() or _try(name)
+
+
+def _remembered() -> list[str]:
+    try:
+        return json.loads(_MEMORY.read_text())
+    except (OSError, ValueError):
+        return []
+
+
+def _environment(name: str) -> dict[str, str]:
+    if name == "pyvista" and sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        return {"VTK_DEFAULT_OPENGL_WINDOW": _EGL}
+    return {}
+
+
+def _try(name: str) -> bool:
+    """Run the trial in another process; a crash there is an answer, not an accident."""
+    try:
+        trial = subprocess.run(
+            [sys.executable, "-c", _TRIAL[name]],
+            env={**os.environ, **_environment(name)},
+            capture_output=True,
+            timeout=120,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return trial.returncode == 0
+
+
+def main() -> None:
+    """Try both anew, remember what works, and print one line for each."""
+    works = []
+    for name, title in {"pyvista": "PyVista", "bpy": "Blender"}.items():
+        if importlib.util.find_spec(name) is None:
+            print(f"{title}: not installed; {_FALLBACK[name]}.")
+        elif _try(name):
+            works.append(name)
+            print(f"{title}: works.")
+        else:
+            print(f"{title}: does not run here; {_FALLBACK[name]}.")
+            print(f"  On Debian: apt install {_PACKAGES[name]}")
+    partial = _MEMORY.with_suffix(".part")
+    try:
+        partial.write_text(json.dumps(works))
+        partial.replace(_MEMORY)
+    except OSError:
+        pass  # an environment one may not write to: each process tries for itself
+
+
+if __name__ == "__main__":
+    main()

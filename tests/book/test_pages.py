@@ -1,0 +1,115 @@
+"""Every rendered page opens in a browser whose network is cut, as a reader would open it."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+OUTPUT = ROOT / "_build/stored/_build/html"
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
+FLAGS += ["--disable-background-networking", "--disable-component-update"]
+BROWSER = os.environ.get("BROWSER_PATH") or next(filter(None, map(shutil.which, NAMES)), None)
+
+pytestmark = pytest.mark.skipif(
+    BROWSER is None, reason="no Chromium or Chrome is installed (Debian: apt install chromium)"
+)
+
+
+@pytest.fixture(scope="module")
+def pages():
+    """Render the book from its stored outputs; a warning is an error."""
+    shutil.rmtree(OUTPUT, ignore_errors=True)
+    command = [Path(sys.executable).with_name("jupyter-book"), "build", ROOT]
+    command += ["-W", "-n", "--keep-going", "--path-output", ROOT / "_build/stored"]
+    environment = {**os.environ, "FPP_EXECUTE": "off"}
+    result = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr[-5000:]
+    return sorted(path for path in OUTPUT.rglob("*.html") if "_static" not in path.parts)
+
+
+@pytest.fixture(scope="module")
+def front(pages):
+    """The page one opens; Jupyter Book writes it as a redirect to the landing page."""
+    return OUTPUT / "index.html"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
+
+
+def faults(browser, path):
+    """Open one page from the disk and list all that is wrong with it."""
+    found = []
+    context = browser.new_context(offline=True)
+    context.route(
+        re.compile("^(?!file:|data:|blob:)"),
+        lambda route: (found.append(f"asks for {route.request.url}"), route.abort()),
+    )
+    page = context.new_page()
+    page.on("console", lambda m: found.append(f"console: {m.text}") if m.type == "error" else None)
+    page.on("pageerror", lambda error: found.append(f"error: {error}"))
+    page.on("requestfailed", lambda request: found.append(f"failed: {request.url}"))
+    page.goto(path.as_uri(), wait_until="load")
+    if page.query_selector(".math"):
+        try:
+            page.wait_for_function("document.querySelector('mjx-container')", timeout=20_000)
+            page.evaluate("MathJax.startup.promise")
+        except Exception as error:
+            found.append(f"math is not rendered: {error}")
+    found += page.evaluate(LOOK)
+    context.close()
+    return found
+
+
+LOOK = r"""async () => {
+  const found = [];
+  const images = [...document.images];
+  images.forEach(i => { i.loading = 'eager'; });
+  await Promise.allSettled(images.map(i => i.decode()));
+  for (const i of images) {
+    if (!i.complete || !i.naturalWidth) found.push('broken image: ' + i.src.slice(0, 200));
+    if (!(i.getAttribute('alt') || '').trim()) found.push('no alt text: ' + i.src.slice(0, 200));
+  }
+  for (const e of document.querySelectorAll('mjx-merror, [data-mjx-error]'))
+    found.push('bad math: ' + e.textContent);
+  for (const e of document.querySelectorAll('.math'))
+    if (!e.querySelector('mjx-container')) found.push('raw math: ' + e.textContent);
+  const article = (document.querySelector('article') || document.body).cloneNode(true);
+  article.querySelectorAll('pre, code, script, mjx-container').forEach(e => e.remove());
+  if (/\$\$|\\\(|\\\[/.test(article.textContent)) found.push('raw TeX in the text');
+  return found;
+}"""
+
+
+def test_the_front_page_leads_on(front, browser):
+    page = browser.new_page()
+    page.goto(front.as_uri())
+    page.wait_for_url("**/book/index.html")
+
+
+def test_every_page(pages, front, browser):
+    chapters = {path.stem for path in (ROOT / "chapters").glob("[0-9]*.ipynb")}
+    assert chapters <= {path.stem for path in pages}
+    wrong = {str(path.relative_to(OUTPUT)): faults(browser, path) for path in pages if path != front}
+    assert not {name: found for name, found in wrong.items() if found}
+
+
+def test_the_test_sees_faults(browser, tmp_path):
+    page = tmp_path / "bad.html"
+    page.write_text(
+        "<article><img src='missing.png'><script src='http://127.0.0.1:9/a.js'></script>"
+        "<p>$$x$$</p><script>console.error('wrong')</script></article>"
+    )
+    found = "\n".join(faults(browser, page))
+    for fault in ("broken image", "no alt text", "asks for", "raw TeX", "console: wrong"):
+        assert fault in found
