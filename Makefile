@@ -70,7 +70,7 @@ $(STAMP):
 	  { echo "$(PYTHON) cannot make environments; on Debian: apt install python3-venv" >&2; exit 1; }
 	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)
 	@echo "To be downloaded, unless pip has it already (sizes are approximate):"
-	@echo "  0.7 GB  the packages of requirements.lock (2.0 GB installed)"
+	@echo "  0.5 GB  the packages of requirements.lock (2.1 GB installed)"
 	@$(if $(filter 0,$(BLENDER)),echo "  nothing Blender's bpy is left out (BLENDER=0)",\
 	  echo "  0.4 GB  Blender's bpy (0.8 GB installed); BLENDER=0 leaves it out")
 	@$(if $(TORCH),echo "  torch comes from $(TORCH)",\

@@ -124,10 +124,13 @@ def fill_in_times(app, doctree, docname):
 
 
 def times_table(app, docname, runtimes):
-    rows = [[nodes.Text("Chapter")], [nodes.Text("Time to run")]], *(
-        [[link_to(app, docname, name)], [nodes.Text(running_time(seconds))]]
-        for name, seconds in sorted(runtimes.items())
-        if name in app.env.titles
+    rows = (
+        [[nodes.Text("Chapter")], [nodes.Text("Time to run")]],
+        *(
+            [[link_to(app, docname, name)], [nodes.Text(running_time(seconds))]]
+            for name, seconds in sorted(runtimes.items())
+            if name in app.env.titles
+        ),
     )
     group = nodes.tgroup("", *(nodes.colspec(colwidth=50) for _ in range(2)), cols=2)
     built = [
@@ -147,6 +150,7 @@ def link_to(app, docname, target):
 
 REMOTE = re.compile(r"(https?:)?//", re.IGNORECASE)
 REMOTE_CSS = re.compile(r"(?:url\(|@import)\s*['\"]?((?:https?:)?//[^'\")\s]+)", re.IGNORECASE)
+FONT_PRELOAD = re.compile(r'<link rel="preload" as="font"[^>]*>\s*')
 LOADED = {"script", "img", "iframe", "source", "video", "audio", "embed", "track", "object"}
 LINKED = {"stylesheet", "preload", "modulepreload", "prefetch", "icon", "manifest"}
 
@@ -184,6 +188,15 @@ def drop_thebe(app, pagename, templatename, context, doctree):
     context["script_files"] = [s for s in context.get("script_files", []) if not unwanted(s)]
 
 
+def drop_font_preloads(app, exception):
+    # A page opened from the disk may not preload fonts; the style sheet loads them anyway.
+    if exception is None and app.builder.format == "html":
+        for path in Path(app.outdir).rglob("*.html"):
+            text = path.read_text(encoding="utf-8")
+            if (without := FONT_PRELOAD.sub("", text)) != text:
+                path.write_text(without, encoding="utf-8")
+
+
 def check_offline(app, exception):
     if exception is None and app.builder.format == "html":
         for path in sorted(Path(app.outdir).rglob("*")):
@@ -207,6 +220,7 @@ def setup(app):
     app.connect("env-updated", record_runtimes)
     app.connect("doctree-resolved", fill_in_times)
     app.connect("html-page-context", drop_thebe, priority=900)
+    app.connect("build-finished", drop_font_preloads)
     app.connect("build-finished", check_offline, priority=900)
     app.connect("build-finished", forget_if_warned, priority=950)
     return {"parallel_read_safe": False, "parallel_write_safe": False}

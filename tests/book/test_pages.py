@@ -11,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 OUTPUT = ROOT / "_build/stored/_build/html"
+FRONT = OUTPUT / "index.html"  # Jupyter Book writes it: a redirect to the landing page
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
 FLAGS += ["--disable-background-networking", "--disable-component-update"]
@@ -30,13 +31,8 @@ def pages():
     environment = {**os.environ, "FPP_EXECUTE": "off"}
     result = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr[-5000:]
-    return sorted(path for path in OUTPUT.rglob("*.html") if "_static" not in path.parts)
-
-
-@pytest.fixture(scope="module")
-def front(pages):
-    """The page one opens; Jupyter Book writes it as a redirect to the landing page."""
-    return OUTPUT / "index.html"
+    found = (path for path in OUTPUT.rglob("*.html") if "_static" not in path.parts)
+    return sorted(path for path in found if path != FRONT)
 
 
 @pytest.fixture(scope="module")
@@ -91,16 +87,16 @@ LOOK = r"""async () => {
 }"""
 
 
-def test_the_front_page_leads_on(front, browser):
+def test_the_front_page_leads_to_the_landing_page(pages, browser):
     page = browser.new_page()
-    page.goto(front.as_uri())
+    page.goto(FRONT.as_uri())
     page.wait_for_url("**/book/index.html")
 
 
-def test_every_page(pages, front, browser):
+def test_every_page(pages, browser):
     chapters = {path.stem for path in (ROOT / "chapters").glob("[0-9]*.ipynb")}
     assert chapters <= {path.stem for path in pages}
-    wrong = {str(path.relative_to(OUTPUT)): faults(browser, path) for path in pages if path != front}
+    wrong = {str(path.relative_to(OUTPUT)): faults(browser, path) for path in pages}
     assert not {name: found for name, found in wrong.items() if found}
 
 

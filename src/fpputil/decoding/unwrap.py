@@ -166,19 +166,26 @@ def nt_tpu(phis, pitches, width: int):
         )
     a, b = (np.mod(x, TWO_PI) for x in phis)
     number = np.rint((p * a - q * b) / (TWO_PI * unit))
-    table = _order_table(p, q, unit, int(width))
+    table = _order_table(p, q)
     known = np.isfinite(number)
     orders = np.full((2, *number.shape), np.nan)
-    index = (np.where(known, number, 0).astype(int) + table.shape[1] // 2) % table.shape[1]
+    index = np.where(known, number, 0).astype(int) + table.shape[1] // 2
     orders[:, known] = table[:, index[known]]
-    return [absolute(a, orders[0]), absolute(b, orders[1])]
+    Phi = absolute(a, orders[0])
+    joint = Phi * (p / period)  # phase of the common period, which the projector fills in part
+    turn = unit_phase(joint, period, width) - joint
+    return [Phi + turn * (period / p), absolute(b, orders[1]) + turn * (period / q)]
 
 
-def _order_table(p, q, unit, width):
-    """Orders K_1, K_2 of each whole number, (2, size), NaN where the number cannot occur."""
-    table = np.full((2, 2 * (p + q) // unit + 1), np.nan)
-    columns = np.arange(-1, 2 * width) / 2  # the half pixels before and after each centre
-    for shift_p, shift_q in ((0.25, -0.25), (-0.25, 0.25), (0, 0)):  # last wins: no noise
+def _order_table(p, q):
+    """Orders K_1, K_2 of each whole number, (2, size), NaN where the number cannot occur.
+
+    Where one period ends, noise may leave either order one too low or one too high.
+    """
+    unit = math.gcd(p, q)
+    table = np.full((2, 2 * ((p + q) // unit) + 1), np.nan)
+    columns = np.arange(2 * math.lcm(p, q)) / 2  # the half pixels before and after each centre
+    for shift_p, shift_q in ((0.25, -0.25), (-0.25, 0.25), (0, 0)):  # the last, noiseless, wins
         K = np.floor((columns + shift_p) / p), np.floor((columns + shift_q) / q)
         table[:, ((K[1] * q - K[0] * p) / unit).astype(int) + table.shape[1] // 2] = K
     return table

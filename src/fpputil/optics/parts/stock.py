@@ -7,6 +7,7 @@ coincide, a skin of 1e-9 mm would stay behind (Chapter 2).
 from collections.abc import Iterable
 
 import numpy as np
+import trimesh
 from manifold3d import CrossSection, FillRule, JoinType, Manifold, OpType
 
 SEGMENTS = 72  # facets of a full turn
@@ -78,7 +79,13 @@ def hexagon(radius: float, height: float, chamfer: float) -> Manifold:
 
 def thread(radius: float, pitch: float, length: float) -> Manifold:
     """Screw of outer ``radius``, one turn in ``pitch`` mm, flanks of 60 degrees."""
-    angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    angle = np.linspace(0, 2 * np.pi, 28, endpoint=False)
     r = radius - 0.6 * pitch * np.abs(angle / np.pi - 1)
     section = outline(np.c_[r * np.cos(angle), r * np.sin(angle)])
-    return section.extrude(length, int(14 * length / pitch), 360 * length / pitch)
+    return section.extrude(length, int(12 * length / pitch), 360 * length / pitch)
+
+
+def to_mesh(solid: Manifold) -> trimesh.Trimesh:
+    """Closed mesh of a solid, vertices (V, 3) float64 in mm, in the solid's order."""
+    made = solid.to_mesh64()
+    return trimesh.Trimesh(made.vert_properties[:, :3], made.tri_verts, process=False)

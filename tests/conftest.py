@@ -1,0 +1,33 @@
+"""Shared scenes: built once a run."""
+
+import pytest
+
+from fpputil.optics.fringes import fringe_set
+from fpputil.optics.raycast import raycast
+from fpputil.optics.shapes import sphere
+from fpputil.optics.system import preset
+
+
+@pytest.fixture(scope="session")
+def tiny():
+    return preset("tiny")
+
+
+@pytest.fixture(scope="session")
+def paper():
+    return preset("paper")
+
+
+@pytest.fixture(scope="session")
+def sphere_view(tiny):
+    return raycast(sphere(100, (0, 0, 680)), tiny.system)
+
+
+@pytest.fixture(scope="session")
+def paper_sphere_view(paper):
+    return raycast(sphere(100, (0, 0, 680)), paper.system)
+
+
+@pytest.fixture(scope="session")
+def paper_fringes(paper):
+    return fringe_set(paper.descending)

@@ -1,0 +1,109 @@
+"""The one-pass kernel against the equations it stands for."""
+
+import numpy as np
+import pytest
+
+from fpputil.decoding import phase, unwrap
+from fpputil.decoding.decoder import decode
+from fpputil.optics.fringes import fringe_set
+
+SETS = {"three": ((912, 114, 15), 15), "two": ((912, 24), (3, 7)), "four": ((912, 304, 114, 24), 5)}
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.int32])
+@pytest.mark.parametrize("name", SETS)
+def test_kernel_equals_equations(sphere_view, dtype, name):
+    fringes = fringe_set(*SETS[name])
+    frames = sphere_view.frames(fringes, 1.0, 3)
+    fast = decode(frames.astype(dtype), fringes, 912)
+    slow = decode(frames.astype(np.float64), fringes, 912)
+    assert fast.Phi.dtype == fast.wrapped.dtype == np.float32 and slow.Phi.dtype == np.float64
+    assert (fast.mask != slow.mask).sum() <= 1
+    both = fast.mask & slow.mask
+    assert np.abs(unwrap.wrap(fast.wrapped - slow.wrapped))[:, both].max() < 2e-6
+    np.testing.assert_allclose(fast.modulation, slow.modulation, atol=1e-4)
+    agree = np.abs(fast.Phi - slow.Phi)[both] < 1e-4
+    assert agree.mean() > 0.9999  # a tie of the rounding may fall either way
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 683), (2, 1024), (1, 2049), (64, 65)])
+def test_every_block_size(shape):
+    fringes = fringe_set((912, 114, 15), 4)
+    column = np.linspace(0, 911, shape[0] * shape[1]).reshape(shape)
+    frames = np.concatenate([[f.intensity(column, n) for n in range(4)] for f in fringes])
+    Phi = decode(frames.astype(np.float32), fringes, 912).Phi
+    np.testing.assert_allclose(Phi, 2 * np.pi * column / 15, atol=2e-4)
+
+
+def test_atan2_of_the_kernel_all_round():
+    phi = np.linspace(-np.pi, np.pi, 20_001)[None]
+    delta = 2 * np.pi * np.arange(3) / 3
+    frames = (100 + 100 * np.cos(phi + delta[:, None, None])).astype(np.float32)
+    got = decode(frames, fringe_set((912,), 3), 912).wrapped[0]
+    assert np.abs(unwrap.wrap(got - phi)).max() < 2e-6
+
+
+def test_outside_the_mask_is_nan(sphere_view):
+    fringes = fringe_set((912, 114, 15), 15)
+    d = decode(sphere_view.frames(fringes), fringes, 912)
+    assert np.isnan(d.Phi[~d.mask]).all() and np.isnan(d.wrapped[:, ~d.mask]).all()
+    assert np.isfinite(d.Phi[d.mask]).all() and np.isfinite(d.modulation).all()
+    np.testing.assert_array_equal(d.mask, d.modulation[-1] > 8)
+
+
+def test_horizontal_fringes(sphere_view):
+    fringes = fringe_set((1140, 114, 15), 5, axis="row")
+    d = decode(sphere_view.frames(fringes), fringes, 1140)
+    error = (d.Phi - fringes[-1].phase(sphere_view.row))[d.mask & sphere_view.mask]
+    assert np.sqrt(np.mean(error**2)) < 0.02
+
+
+FRINGES = fringe_set((912, 114, 15), 4)
+
+
+@pytest.mark.parametrize(
+    "frames, fringes, says",
+    [
+        (np.zeros((11, 4, 4), np.uint8), FRINGES, "11 frames given; the fringes have 12"),
+        (np.zeros((12, 4), np.uint8), FRINGES, r"takes \(N, H, W\)"),
+        (np.full((12, 4, 4), np.nan, np.float32), FRINGES, "NaN"),
+        ([np.zeros((4, 4))] * 11 + [np.zeros((4, 5))], FRINGES, "one size"),
+        ([np.zeros((4, 4))] * 11 + [np.zeros((4, 4), np.uint8)], FRINGES, "one dtype"),
+        (np.zeros((12, 4, 4), np.uint8), FRINGES[::-1], "must descend"),
+        (np.zeros((8, 4, 4), np.uint8), FRINGES[1:], "pitch 114 on 912 columns"),
+        (np.zeros((12, 4, 4), np.uint8), FRINGES, "no pixel with modulation above 8"),
+        (np.zeros((12, 4, 4), bool), FRINGES, "dtype bool"),
+    ],
+)
+def test_bad_input(frames, fringes, says):
+    with pytest.raises(ValueError, match=says):
+        decode(frames, fringes, 912)
+
+
+def test_memory_stays_within_outputs_and_64_mib():
+    """Peak resident set of a fresh process, above its warmed state."""
+    import subprocess
+    import sys
+
+    program = """
+import resource, numpy as np
+from fpputil.decoding.decoder import decode
+from fpputil.optics.fringes import fringe_set
+peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+fringes = fringe_set((912, 114, 15), 15)
+rng = np.random.default_rng(0)
+frames = rng.integers(0, 255, (45, 1200, 1920), dtype=np.uint8)
+decode(frames[:, :64].copy(), fringes, 912)
+before = peak()
+d = decode(frames, fringes, 912)
+outputs = sum(a.nbytes for a in (d.wrapped, d.modulation, d.Phi, d.mask))
+print(peak() - before - outputs)
+"""
+    if sys.platform != "linux":
+        pytest.skip("ru_maxrss is in kilobytes on Linux alone")
+    extra = int(subprocess.check_output([sys.executable, "-c", program]))
+    assert extra < 64 * 2**20
+
+
+def test_phase_module_and_decoder_share_the_threshold():
+    assert decode.__defaults__ == (phase.THRESHOLD,) == (8.0,)

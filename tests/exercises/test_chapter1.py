@@ -1,0 +1,52 @@
+"""Typical wrong answers to the exercises of chapter 1 are rejected."""
+
+import numpy as np
+import pytest
+
+from fpputil.exercises import accepts
+
+
+def _pattern(pitch, steps, width, sign=1, first=0, white=255, degrees=False):
+    n, i = np.arange(steps)[:, None] + first, np.arange(width)
+    turn = 360 if degrees else 2 * np.pi
+    return white / 2 * (1 + np.cos(turn * i / pitch + sign * turn * n / steps))
+
+
+RIGHT = {
+    "1.1": -3,
+    "1.2": 14.25,
+    "1.3": _pattern,
+    "1.4": 2.811,
+    "1.5": 0.8 / 3.8,
+}
+
+WRONG = [
+    ("1.1", 3, "to the right"),
+    ("1.1", -24, "a whole pitch"),
+    ("1.1", -2 * np.pi / 8, "radians for columns"),
+    ("1.2", 15, "the pitch the paper names"),
+    ("1.2", 64 / 912, "upside down"),
+    ("1.2", 14, "rounded to whole pixels"),
+    ("1.3", lambda p, n, w: _pattern(p, n, w, sign=-1), "shift subtracted"),
+    ("1.3", lambda p, n, w: _pattern(p, n, w, first=1), "steps counted from 1"),
+    ("1.3", lambda p, n, w: _pattern(p, n, w, degrees=True), "degrees"),
+    ("1.3", lambda p, n, w: _pattern(p, n, w, white=256), "white is 256"),
+    ("1.3", lambda p, n, w: np.rint(_pattern(p, n, w)), "rounded"),
+    ("1.3", lambda p, n, w: _pattern(p, n, w).T, "axes swapped"),
+    ("1.4", 15 * np.sqrt(np.log(2)) / np.pi, "forgot the 2"),
+    ("1.4", 15 * np.log(2) / (2 * np.pi**2), "forgot the root"),
+    ("1.4", 15 / (np.sqrt(2) * np.pi), "1/e instead of 1/2"),
+    ("1.5", 0.8 / 1.8, "(gamma - 1) / gamma"),
+    ("1.5", (0.8 / 3.8) ** 2, "power instead of amplitude"),
+    ("1.5", 3.8 / 0.8, "upside down"),
+]
+
+
+@pytest.mark.parametrize("key", RIGHT)
+def test_right(key):
+    assert accepts(key, RIGHT[key])
+
+
+@pytest.mark.parametrize(("key", "answer", "why"), WRONG, ids=lambda v: v if type(v) is str else "")
+def test_wrong(key, answer, why):
+    assert not accepts(key, answer), why

@@ -1,0 +1,168 @@
+"""Ray casting against closed-form geometry."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from fpputil.optics.raycast import bvh, raycast
+from fpputil.optics.shapes import plane, sphere
+
+
+def test_plane_is_exact(tiny):
+    view = raycast(plane(660.0, 300.0), tiny.system)
+    np.testing.assert_allclose(view.depth[view.mask], 660.0, rtol=1e-7)
+    expected = tiny.system.columns_at(660.0)
+    np.testing.assert_allclose(view.column[view.mask], expected[view.mask], rtol=1e-6, atol=1e-4)
+    inside = (expected >= -0.5) & (expected < 911.5)
+    np.testing.assert_array_equal(view.mask, inside)
+
+
+def test_row_and_column_are_the_projection_of_the_point(tiny, sphere_view):
+    rays = tiny.system.camera.rays()
+    points = rays * sphere_view.depth[..., None]
+    pixel = tiny.system.projector.project(points)[sphere_view.mask]
+    np.testing.assert_allclose(sphere_view.column[sphere_view.mask], pixel[:, 0], atol=2e-3)
+    np.testing.assert_allclose(sphere_view.row[sphere_view.mask], pixel[:, 1], atol=2e-3)
+
+
+def test_sphere_depth_against_the_quadratic(tiny, sphere_view):
+    """No further off than the facets are from the sphere, seen at an angle."""
+    mesh = sphere(100, (0, 0, 680))
+    sagitta = 100 - np.linalg.norm(mesh.triangles_center - (0, 0, 680), axis=1).min()
+    rays = tiny.system.camera.rays()
+    centre = np.array([0, 0, 680.0])
+    a, b = np.sum(rays**2, -1), rays @ centre
+    with np.errstate(invalid="ignore"):
+        z = (b - np.sqrt(b**2 - a * (centre @ centre - 100.0**2))) / a
+    normal = (rays * z[..., None] - centre) / 100
+    facing = -np.sum(normal * rays, -1) / np.sqrt(a)
+    steep = sphere_view.mask & (facing > 0.3)
+    assert steep.sum() > 0.8 * sphere_view.mask.sum()
+    assert np.abs(sphere_view.depth - z)[steep].max() < sagitta / 0.3 + 1e-3
+
+
+def test_shade_is_cosine_over_distance_squared(tiny):
+    view = raycast(plane(660.0, 300.0), tiny.system, albedo=0.8)
+    beam = tiny.system.points_at(660.0) - tiny.system.projector.centre
+    distance = np.linalg.norm(beam, axis=-1)
+    expected = 0.8 * beam[..., 2] / distance * (400 / distance) ** 2
+    np.testing.assert_allclose(view.shade[view.mask], expected[view.mask], rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["faces", "callable"])
+def test_albedo_textures(tiny, kind):
+    mesh = plane(660.0, 300.0)
+    plain = raycast(mesh, tiny.system, albedo=1.0)
+    if kind == "faces":
+        view = raycast(mesh, tiny.system, albedo=np.full(len(mesh.faces), 0.5))
+        np.testing.assert_allclose(view.shade, plain.shade * 0.5, rtol=1e-5)
+    else:
+        view = raycast(mesh, tiny.system, albedo=lambda p: np.where(p[:, 0] > 0, 0.25, 1.0))
+        right = tiny.system.points_at(660.0)[..., 0] > 0
+        ratio = view.shade[view.mask] / plain.shade[view.mask]
+        np.testing.assert_allclose(ratio, np.where(right, 0.25, 1.0)[view.mask], rtol=1e-5)
+
+
+def test_highlight_adds_light_where_the_half_vector_meets_the_normal(tiny):
+    mesh = sphere(100, (0, 0, 680))
+    plain, shiny = (raycast(mesh, tiny.system, specular=s) for s in (0.0, 0.5))
+    extra = shiny.shade - plain.shade
+    assert (extra[plain.mask] >= -1e-6).all() and extra.max() > 0.2
+    v, u = np.unravel_index(extra.argmax(), extra.shape)
+    assert abs(v - 60) <= 3 and u > 80, "towards the projector, which stands on the right"
+
+
+def test_shadow_of_a_post(tiny):
+    """A post before a wall: the projector, on the right, shadows the wall to its left."""
+    wall = plane(780.0, 400.0)
+    post = trimesh.creation.box((20, 400, 20))
+    post.apply_translation((0, 0, 600))
+    view = raycast(trimesh.util.concatenate([wall, post]), tiny.system)
+    alone = raycast(wall, tiny.system)
+    lost = alone.mask & ~view.mask
+    assert lost.any()
+    points = tiny.system.points_at(780.0)[lost]
+    to_light = tiny.system.projector.centre - points
+    x = points[:, 0] + to_light[:, 0] * (610 - 780) / to_light[:, 2]
+    nearer = points[:, 0] + to_light[:, 0] * (590 - 780) / to_light[:, 2]
+    assert ((np.minimum(np.abs(x), np.abs(nearer)) < 10.5)).mean() > 0.95
+
+
+def test_back_faces_are_excluded(tiny):
+    wall = plane(660.0, 300.0)
+    wall.invert()
+    with pytest.raises(ValueError, match="empty mask"):
+        raycast(wall, tiny.system)
+
+
+def test_supersampling_mixes_only_the_edges(tiny):
+    near, far = plane(560.0, 40.0), plane(760.0, 400.0)
+    mesh = trimesh.util.concatenate([near, far])
+    one, fine = raycast(mesh, tiny.system), raycast(mesh, tiny.system, supersample=3)
+    np.testing.assert_array_equal(one.column, fine.column)
+    a, b = one.plain(quantise=False), fine.plain(quantise=False)
+    changed = np.abs(a - b) > 1.0
+    assert 0 < changed.mean() < 0.1
+    step = np.abs(np.diff(np.nan_to_num(one.depth), axis=1)) > 100
+    near_step = np.zeros_like(changed)
+    near_step[:, :-1] |= step
+    near_step[:, 1:] |= step
+    down = np.abs(np.diff(np.nan_to_num(one.depth), axis=0)) > 100
+    near_step[:-1] |= down
+    near_step[1:] |= down
+    assert near_step[changed].mean() > 0.95
+
+
+def test_one_tree_serves_many_views(tiny):
+    mesh = sphere(100, (0, 0, 680))
+    scene = bvh(mesh)
+    first, second = (raycast(mesh, tiny.system, scene=scene) for _ in range(2))
+    np.testing.assert_array_equal(first.column, second.column)
+
+
+def test_a_moved_rig_sees_the_same_as_a_moved_object(tiny):
+    from dataclasses import replace
+
+    from scipy.spatial.transform import Rotation
+
+    mesh = trimesh.creation.box((120, 80, 60))
+    mesh.apply_translation((10, -5, 660))
+    R, t = Rotation.from_euler("xyz", (3, 12, -7), degrees=True).as_matrix(), np.array([5.0, 9, 2])
+    moved = mesh.copy()
+    moved.vertices = mesh.vertices @ R.T + t
+    system = tiny.system
+    pinholes = {
+        name: replace(p, R=p.R @ R, t=p.R @ t + p.t)
+        for name, p in (("camera", system.camera), ("projector", system.projector))
+    }
+    a, b = raycast(moved, system), raycast(mesh, replace(system, **pinholes))
+    assert (a.mask != b.mask).mean() < 1e-3
+    both = a.mask & b.mask
+    np.testing.assert_allclose(a.column[both], b.column[both], atol=2e-3)
+    np.testing.assert_allclose(a.depth[both], b.depth[both], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    "mesh, says",
+    [
+        (trimesh.Trimesh(), "0 faces given"),
+        (sphere(10, (5000, 0, 660)), "outside the view"),
+        (sphere(10, (0, 0, -660)), "outside the view"),
+    ],
+)
+def test_nothing_to_see(tiny, mesh, says):
+    with pytest.raises(ValueError, match=says):
+        raycast(mesh, tiny.system)
+
+
+def test_vertices_must_be_finite(tiny):
+    mesh = sphere(10, (0, 0, 660))
+    mesh.vertices[0] = np.nan
+    with pytest.raises(ValueError, match="NaN"):
+        raycast(mesh, tiny.system)
+
+
+@pytest.mark.parametrize("s", [0, 1.5])
+def test_supersample_is_whole(tiny, s):
+    with pytest.raises(ValueError, match="supersample"):
+        raycast(plane(660.0, 300.0), tiny.system, supersample=s)

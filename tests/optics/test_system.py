@@ -1,0 +1,184 @@
+"""Pinholes and presets against geometry and OpenCV."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from fpputil.optics.system import Pinhole, System, camera_matrix, from_blender, preset, table2
+
+LENS = (-0.12, 0.05, 1e-3, -5e-4, 0.01)
+
+
+def pinhole(distortion=()):
+    R = Rotation.from_euler("xyz", (5, -8, 3), degrees=True).as_matrix()
+    return Pinhole(640, 480, camera_matrix(900, 640, 480), R, (20, -30, 40), distortion)
+
+
+@pytest.mark.parametrize("distortion", [(), LENS])
+def test_projection_is_opencv_s(distortion):
+    p = pinhole(distortion)
+    points = np.random.default_rng(0).uniform((-150, -100, 500), (150, 100, 900), (50, 3))
+    rvec = cv2.Rodrigues(p.R)[0]
+    expected, _ = cv2.projectPoints(points, rvec, p.t, p.K, np.array(distortion or [0.0] * 4))
+    np.testing.assert_allclose(p.project(points), expected[:, 0], atol=1e-8)
+
+
+@settings(deadline=None, max_examples=50)
+@given(u=st.floats(0, 639), v=st.floats(0, 479), s=st.floats(100, 2000), lens=st.booleans())
+def test_rays_and_projection_are_inverse(u, v, s, lens):
+    p = pinhole(LENS if lens else ())
+    pixel = np.array([u, v])
+    np.testing.assert_allclose(p.project(p.centre + s * p.rays(pixel)), pixel, atol=1e-6)
+
+
+def test_points_behind_have_no_pixel():
+    assert np.isnan(pinhole().project(pinhole().centre - pinhole().R[2] * 100)).all()
+
+
+def test_pixel_centres_are_integers(paper):
+    camera = paper.system.camera
+    assert tuple(camera.K[:2, 2]) == (319.5, 239.5)
+    np.testing.assert_array_equal(camera.grid()[3, 5], (5, 3))
+    assert camera.inside(np.array([[-0.5, 0], [639.49, 479.49]])).all()
+    assert not camera.inside(np.array([[-0.51, 0], [639.5, 0], [0, 479.5]])).any()
+
+
+def test_table_2_in_camera_axes(paper):
+    """The projector stands 45 mm to the right and 150 mm forward, turned 5 degrees in."""
+    system = paper.system
+    np.testing.assert_allclose(system.camera.R, np.eye(3))
+    np.testing.assert_allclose(system.projector.centre, (45, 0, 150), atol=1e-9)
+    axis = system.projector.R[2]
+    np.testing.assert_allclose(axis, (-np.sin(np.radians(5)), 0, np.cos(np.radians(5))), atol=1e-12)
+    assert system.camera.K[0, 0] == pytest.approx(12 / 7.2 * 640)
+    assert (system.projector.width, system.projector.height) == (912, 1140)
+
+
+def test_optical_axes_cross_before_the_working_distance(paper):
+    p = paper.system.projector
+    z = p.centre[2] - p.centre[0] * p.R[2, 2] / p.R[2, 0]
+    assert z == pytest.approx(664.4, abs=0.1)
+
+
+def test_sensitivity_falls_to_the_epipole_at_the_right_edge(paper):
+    line = paper.system.columns_per_mm(660.0)[240]
+    np.testing.assert_allclose(line[[0, 320, 639]], (0.410, 0.219, 0.0004), atol=6e-4)
+
+
+@pytest.mark.parametrize(
+    "name, size, high", [("tiny", (160, 120), 24), ("small", (320, 240), 18), ("paper", (640, 480), 15)]
+)
+def test_presets(name, size, high):
+    p = preset(name)
+    assert (p.system.camera.width, p.system.camera.height) == size
+    assert (p.high, p.mid, p.zmin, p.unit) == (high, 114, 304, 912)
+    assert (p.system.z_min, p.system.z_max) == (480, 820)
+    centre = p.system.camera.height // 2, p.system.camera.width // 2
+    span = p.system.columns_at(820.0)[centre] - p.system.columns_at(480.0)[centre]
+    assert abs(span) / high >= 3, "three high periods inside the measuring range"
+
+
+def test_presets_share_one_field_of_view():
+    corner = [preset(n).system.camera.rays(np.array([-0.5, -0.5])) for n in ("tiny", "paper")]
+    np.testing.assert_allclose(*corner)
+
+
+def test_blender_camera_looks_along_minus_z():
+    R, centre = from_blender((1, 2, 3), (0, 0, 0))
+    np.testing.assert_allclose(R[2], (0, 0, -1))
+    np.testing.assert_allclose(R[1], (0, -1, 0))
+    np.testing.assert_allclose(centre, (1000, 2000, 3000))
+
+
+def test_points_at_lie_on_the_plane_of_a_moved_camera(paper):
+    R = Rotation.from_euler("y", 20, degrees=True).as_matrix()
+    camera = replace(paper.system.camera, R=R, t=np.array([10.0, 20, 30]))
+    points = replace(paper.system, camera=camera).points_at(600.0)
+    np.testing.assert_allclose(points @ R[2] + 30, 600.0)
+
+
+@pytest.mark.parametrize("suffix", ["json", "yml", "yaml"])
+@pytest.mark.parametrize("distortion", [(), LENS])
+def test_save_and_load(tmp_path, suffix, distortion):
+    system = table2()
+    system = replace(system, camera=replace(system.camera, distortion=distortion))
+    path = tmp_path / f"system.{suffix}"
+    system.save(path)
+    loaded = System.load(path)
+    assert (loaded.z_min, loaded.z_max) == (480, 820)
+    for name in ("camera", "projector"):
+        a, b = getattr(system, name), getattr(loaded, name)
+        assert (a.width, a.height) == (b.width, b.height)
+        for array in ("K", "R", "t", "distortion"):
+            np.testing.assert_array_equal(getattr(a, array), getattr(b, array))
+    assert [p.name for p in tmp_path.iterdir()] == [path.name], "no partial file stays"
+
+
+def test_yaml_is_readable_by_opencv(tmp_path):
+    table2().save(tmp_path / "system.yml")
+    store = cv2.FileStorage(str(tmp_path / "system.yml"), cv2.FILE_STORAGE_READ)
+    np.testing.assert_array_equal(store.getNode("camera_K").mat(), table2().camera.K)
+
+
+@pytest.mark.parametrize("suffix", ["json", "yml"])
+@pytest.mark.parametrize("keep", [0.0, 0.3, 0.7, 0.95])
+def test_half_written_file(tmp_path, suffix, keep):
+    path = tmp_path / f"system.{suffix}"
+    table2().save(path)
+    text = path.read_text()
+    path.write_text(text[: int(keep * len(text))])
+    with pytest.raises(ValueError, match="holds camera, projector"):
+        System.load(path)
+
+
+def test_missing_and_foreign_files(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such system file"):
+        System.load(tmp_path / "none.json")
+    with pytest.raises(ValueError, match="ends in .json"):
+        table2().save(tmp_path / "system.txt")
+    (tmp_path / "other.json").write_text('{"camera": 3}')
+    with pytest.raises(ValueError, match="holds camera, projector"):
+        System.load(tmp_path / "other.json")
+
+
+K = camera_matrix(900, 640, 480)
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        ({"K": np.diag([0.0, 900, 1])}, "positive focal lengths"),
+        ({"K": np.diag([900.0, 900, 0])}, "last row 0 0 1"),
+        ({"K": np.full((3, 3), np.nan)}, "NaN or infinite"),
+        ({"K": np.eye(2)}, r"K \(2, 2\)"),
+        ({"R": 2 * np.eye(3)}, "orthonormal"),
+        ({"R": np.diag([1.0, 1, -1])}, "det"),
+        ({"t": (1, 2)}, r"t \(2,\)"),
+        ({"distortion": (0.1, 0.2)}, "2 distortion coefficients"),
+        ({"width": 0}, "0 x 480 pixels"),
+    ],
+)
+def test_degenerate_pinholes(change, says):
+    with pytest.raises(ValueError, match=says):
+        Pinhole(**{"width": 640, "height": 480, "K": K, **change})
+
+
+@pytest.mark.parametrize("z_min, z_max", [(0, 500), (500, 400), (500, np.inf), (np.nan, 500)])
+def test_measuring_range(z_min, z_max):
+    with pytest.raises(ValueError, match="measuring range"):
+        System(pinhole(), pinhole(), z_min, z_max)
+
+
+def test_unknown_preset():
+    with pytest.raises(ValueError, match="presets are tiny, small, paper"):
+        preset("huge")
+
+
+def test_arrays_cannot_be_changed_in_place():
+    with pytest.raises(ValueError, match="read-only"):
+        pinhole().K[0, 0] = 1
