@@ -71,7 +71,7 @@ $(STAMP):
 	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)
 	@echo "To be downloaded, unless pip has it already (sizes are approximate):"
 	@echo "  0.5 GB  the packages of requirements.lock (2.1 GB installed)"
-	@$(if $(filter 0,$(BLENDER)),echo "  nothing Blender's bpy is left out (BLENDER=0)",\
+	@$(if $(filter 0,$(BLENDER)),echo "  0 GB    Blender's bpy is left out (BLENDER=0)",\
 	  echo "  0.4 GB  Blender's bpy (0.8 GB installed); BLENDER=0 leaves it out")
 	@$(if $(TORCH),echo "  torch comes from $(TORCH)",\
 	  echo "  0.2 GB  torch, where pip finds a CPU wheel; on Linux the public registry's"; \

@@ -70,7 +70,9 @@ def test_eight_bit_phase_of_the_paper_preset(paper, paper_sphere_view, paper_fri
 
 
 @pytest.mark.parametrize("noise, tolerance", [(0.0, 0.02), (2.0, 0.05)])
-def test_sphere_radius_of_the_paper_preset(paper, paper_sphere_view, paper_fringes, noise, tolerance):
+def test_sphere_radius_of_the_paper_preset(
+    paper, paper_sphere_view, paper_fringes, noise, tolerance
+):
     frames = paper_sphere_view.frames(paper_fringes, noise, 0)
     d = decode(frames, paper_fringes, 912)
     points = depth.triangulate(depth.column(d.Phi, 15), paper.system)
@@ -145,7 +147,10 @@ def test_plane_through_the_whole_chain(tiny):
     "call, says",
     [
         (lambda: depth.fit_sphere(np.zeros((3, 3))), "P >= 4"),
-        (lambda: depth.fit_sphere(np.random.default_rng(0).random((50, 3)) * (1, 1, 0)), "in a plane"),
+        (
+            lambda: depth.fit_sphere(np.random.default_rng(0).random((50, 3)) * (1, 1, 0)),
+            "in a plane",
+        ),
         (lambda: depth.fit_sphere(np.full((9, 3), np.nan)), "NaN"),
         (lambda: depth.fit_plane(np.arange(9.0)[:, None] * np.ones(3)), "on a line"),
         (lambda: depth.fit_plane(np.zeros((5, 2))), r"needs \(P, 3\)"),

@@ -5,6 +5,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import trapezoid
 
 from fpputil.decoding import phase
 from fpputil.decoding.noise import phase_density, phase_sigma
@@ -76,7 +77,9 @@ def test_wrap_is_idempotent_and_keeps_the_phasor(x):
     np.testing.assert_allclose(wrap(w), w, atol=1e-9)
 
 
-@pytest.mark.parametrize("threshold, kept", [(8.0, [False, False, True]), (7.0, [False, True, True])])
+@pytest.mark.parametrize(
+    "threshold, kept", [(8.0, [False, False, True]), (7.0, [False, True, True])]
+)
 def test_mask_is_strict(threshold, kept):
     assert phase.mask(np.array([1.0, 8.0, 8.1]), threshold).tolist() == kept
 
@@ -94,12 +97,16 @@ def test_phase_noise_is_the_closed_form(noise, B, steps):
 def test_phase_density_is_a_density_and_is_sampled(sigma):
     grid = np.linspace(-np.pi, np.pi, 20001)
     density = phase_density(grid, sigma)
-    assert np.sum((density[1:] + density[:-1]) / 2) * (grid[1] - grid[0]) == pytest.approx(1, abs=1e-6)
+    assert np.sum((density[1:] + density[:-1]) / 2) * (grid[1] - grid[0]) == pytest.approx(
+        1, abs=1e-6
+    )
     rng = np.random.default_rng(1)
     z = 1 + sigma * (rng.standard_normal(400_000) + 1j * rng.standard_normal(400_000))
     measured, edges = np.histogram(np.angle(z), bins=40, range=(-np.pi, np.pi), density=True)
     centres = (edges[1:] + edges[:-1]) / 2
-    predicted = np.array([phase_density(np.linspace(c - 0.0785, c + 0.0785, 101), sigma).mean() for c in centres])
+    predicted = np.array(
+        [phase_density(np.linspace(c - 0.0785, c + 0.0785, 101), sigma).mean() for c in centres]
+    )
     np.testing.assert_allclose(measured, predicted, atol=0.02 * predicted.max() + 0.01)
 
 

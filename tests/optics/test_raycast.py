@@ -85,7 +85,7 @@ def test_shadow_of_a_post(tiny):
     to_light = tiny.system.projector.centre - points
     x = points[:, 0] + to_light[:, 0] * (610 - 780) / to_light[:, 2]
     nearer = points[:, 0] + to_light[:, 0] * (590 - 780) / to_light[:, 2]
-    assert ((np.minimum(np.abs(x), np.abs(nearer)) < 10.5)).mean() > 0.95
+    assert (np.minimum(np.abs(x), np.abs(nearer)) < 10.5).mean() > 0.95
 
 
 def test_back_faces_are_excluded(tiny):

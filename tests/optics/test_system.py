@@ -71,7 +71,8 @@ def test_sensitivity_falls_to_the_epipole_at_the_right_edge(paper):
 
 
 @pytest.mark.parametrize(
-    "name, size, high", [("tiny", (160, 120), 24), ("small", (320, 240), 18), ("paper", (640, 480), 15)]
+    "name, size, high",
+    [("tiny", (160, 120), 24), ("small", (320, 240), 18), ("paper", (640, 480), 15)],
 )
 def test_presets(name, size, high):
     p = preset(name)

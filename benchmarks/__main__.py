@@ -1,0 +1,169 @@
+"""Speed side by side: ratios of medians measured in one run, as a table and as JSON.
+
+``make bench`` runs this. A peer package is timed in an environment of its own; give its
+interpreter by ``--peer PYTHON``. Absolute times are of this machine; ratios carry over better.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numba
+import numpy as np
+import trimesh
+
+from fpputil.decoding.decoder import BLOCK, decode
+from fpputil.optics.fringes import fringe_set
+from fpputil.optics.raycast import raycast
+from fpputil.optics.system import preset
+
+HERE = Path(__file__).parent
+PITCHES, STEPS, WIDTH = (912, 114, 15), 15, 912
+
+
+def median_seconds(*actions, repeats: int = 15) -> list[float]:
+    """Median time of each action; the actions take turns, so that a drift hits all alike."""
+    times = [[] for _ in actions]
+    for _ in range(repeats + 1):
+        for action, spent in zip(actions, times, strict=True):
+            start = time.perf_counter()
+            action()
+            spent.append(time.perf_counter() - start)
+    return [float(np.median(t[1:])) for t in times]
+
+
+def frames_of(height: int, width: int) -> np.ndarray:
+    """45 noisy uint8 frames of a tilted plane, (45, H, W)."""
+    rng = np.random.default_rng(0)
+    column = np.linspace(20, 890, width)[None] + np.linspace(0, 10, height)[:, None]
+    frames = np.empty((len(PITCHES) * STEPS, height, width), np.uint8)
+    for k, fringe in enumerate(fringe_set(PITCHES, STEPS)):
+        for n in range(STEPS):
+            noise = rng.integers(-2, 3, column.shape)
+            frames[k * STEPS + n] = np.rint(20 + 0.7 * fringe.intensity(column, n) + noise)
+    return frames
+
+
+@numba.njit(parallel=True)
+def read_all_write_all(frames, wrapped, modulation, Phi, mask):
+    """The floor: touch every input and every output once, with no arithmetic to speak of."""
+    pixels = frames.shape[1]
+    for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
+        low = block * BLOCK
+        high = min(low + BLOCK, pixels)
+        seen = np.zeros(BLOCK, np.uint8)
+        for n in range(frames.shape[0]):
+            frame = frames[n, low:high]
+            for i in range(high - low):
+                seen[i] ^= frame[i]
+        for p in range(wrapped.shape[0]):
+            for i in range(high - low):
+                wrapped[p, low + i] = seen[i]
+                modulation[p, low + i] = seen[i]
+        for i in range(high - low):
+            Phi[low + i] = seen[i]
+            mask[low + i] = seen[i] > 8
+
+
+def floor(frames):
+    flat = frames.reshape(len(frames), -1)
+    wrapped = np.empty((len(PITCHES), flat.shape[1]), np.float32)
+    outputs = (
+        wrapped,
+        np.empty_like(wrapped),
+        np.empty_like(wrapped[0]),
+        np.empty(flat.shape[1], bool),
+    )
+    read_all_write_all(flat, *outputs)
+
+
+def bench_decoder(height, width) -> dict:
+    frames, fringes = frames_of(height, width), fringe_set(PITCHES, STEPS)
+    ours, least = median_seconds(lambda: decode(frames, fringes, WIDTH), lambda: floor(frames))
+    return {"seconds": ours, "floor_seconds": least, "over_floor": ours / least}
+
+
+def bench_peer(height, width, python) -> dict:
+    frames, fringes = frames_of(height, width), fringe_set(PITCHES, STEPS)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "frames.npy"
+        np.save(path, frames)
+        command = [python, HERE / "peer_fringes.py", path, WIDTH, STEPS, *PITCHES]
+        (before,) = median_seconds(lambda: decode(frames, fringes, WIDTH))
+        out = subprocess.run([str(c) for c in command], check=True, stdout=subprocess.PIPE)
+        (after,) = median_seconds(lambda: decode(frames, fringes, WIDTH))
+    peer, ours = json.loads(out.stdout.splitlines()[-1]), max(before, after)
+    column = decode(frames, fringes, WIDTH).Phi * PITCHES[-1] / (2 * np.pi)
+    agreement = abs(float(np.median(column)) - peer["median_column"])
+    return {
+        "seconds": ours,
+        "fringes_fast_seconds": peer["seconds"],
+        "faster_than_fringes_fast": peer["seconds"] / ours,
+        "median_column_difference": agreement,
+    }
+
+
+def bench_view() -> dict:
+    """One `paper` view of a mesh of 200 000 faces, the tree included; 60 frames from it."""
+    mesh = trimesh.creation.uv_sphere(100.0, count=[224, 224])
+    mesh.apply_translation((0, 0, 680))
+    p = preset("paper")
+    fringes = fringe_set((p.unit, p.zmin, p.mid, p.high), 15)
+    view = raycast(mesh, p.system)
+    cast, frames, noisy = median_seconds(
+        lambda: raycast(mesh, p.system),
+        lambda: view.frames(fringes),
+        lambda: view.frames(fringes, 1.0, 0),
+        repeats=7,
+    )
+    return {
+        "faces": len(mesh.faces),
+        "view_seconds": cast,
+        "frames_60_seconds": frames,
+        "frames_60_noisy_seconds": noisy,
+        "view_over_frames": cast / frames,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--peer", help="Python interpreter that has `fringes` installed")
+    parser.add_argument("--out", type=Path, default=HERE / "results.json")
+    options = parser.parse_args()
+    results = {
+        "machine": {
+            "processor": platform.machine(),
+            "cores": os.cpu_count(),
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "numba": numba.__version__,
+        },
+        "decoder 640x480": bench_decoder(480, 640),
+        "decoder 1920x1200": bench_decoder(1200, 1920),
+        "view and frames": bench_view(),
+    }
+    if options.peer:
+        results["against fringes 1920x1200"] = bench_peer(1200, 1920, options.peer)
+    else:
+        print("no --peer given: the comparison with `fringes` is left out", file=sys.stderr)
+    for title, row in results.items():
+        print(title)
+        for name, value in row.items():
+            print(
+                f"  {name:28s} {value:.4g}" if isinstance(value, float) else f"  {name:28s} {value}"
+            )
+    partial = options.out.with_suffix(".part")
+    partial.write_text(json.dumps(results, indent=2) + "\n")
+    os.replace(partial, options.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""Figures: maps leave the mask blank; both ways of drawing bodies see the same scene."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+
+from fpputil import plotting
+from fpputil.optics.shapes import sphere
+from fpputil.probe import pyvista_works
+
+SCENE = [(sphere(100, (0, 0, 680), 4), "lightsteelblue"), (sphere(30, (150, 0, 600), 3), "crimson")]
+VIEW = (np.array([-400.0, -300, 0]), np.array([0.0, 0, 650]), (320, 240), 30.0)
+
+
+@pytest.mark.parametrize(
+    "draw", [plotting.wrapped, plotting.absolute, plotting.depth, plotting.error, plotting.orders]
+)
+def test_maps_leave_nan_blank(draw):
+    values = np.linspace(-1, 1, 100).reshape(10, 10)
+    values[:5] = np.nan
+    fig, axes = plotting.panels(1)
+    draw(axes[0], values)
+    image = axes[0].images[0]
+    assert np.ma.getmaskarray(image.get_array())[:5].all()
+    assert (image.cmap(image.norm(image.get_array()))[:5, :, 3] == 0).all()
+    assert fig.axes[1].get_ylabel() in ("rad", "mm", "periods")
+
+
+def test_error_is_centred_on_zero():
+    _, axes = plotting.panels(1)
+    plotting.error(axes[0], np.array([[-0.1, 0.5]]))
+    low, high = axes[0].images[0].get_clim()
+    assert low == -high
+
+
+def test_embree_draws_what_is_there():
+    image = plotting._by_embree(SCENE, *VIEW)
+    assert image.shape == (240, 320, 3) and image.dtype == np.uint8
+    red = (image[..., 0] > 100) & (image[..., 1] < 80)
+    assert red.any() and (image == 255).all(-1).mean() > 0.3
+
+
+@pytest.mark.skipif(not pyvista_works(), reason="PyVista cannot render off screen here")
+def test_pyvista_and_embree_see_the_same_outline():
+    masks = [
+        (draw(SCENE, *VIEW) != 255).any(-1) for draw in (plotting._by_pyvista, plotting._by_embree)
+    ]
+    assert (masks[0] != masks[1]).mean() < 0.02
+
+
+def test_nothing_to_draw():
+    with pytest.raises(ValueError, match="no mesh given"):
+        plotting.bodies([], *VIEW)
+
+
+def test_frustum_reaches_where_it_says(tiny):
+    mesh = plotting.frustum(tiny.system.camera, 300.0)
+    assert mesh.vertices[:, 2].max() == pytest.approx(300, abs=3)
