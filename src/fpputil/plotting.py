@@ -80,7 +80,7 @@ def depth(ax: Axes, z: np.ndarray, title: str = "depth") -> None:
 
 
 def error(ax: Axes, e: np.ndarray, title: str = "error", unit="rad", limit=None) -> None:
-    """A signed error (H, W), white at zero; `limit` defaults to the 99th percentile of |e|."""
+    """A signed error (H, W), white at zero; `limit` defaults to the 99th percentile of ``|e|``."""
     if limit is None:
         limit = float(np.nanpercentile(np.abs(e), 99)) or 1.0
     _map(ax, e, title, "RdBu_r", -limit, limit, unit)

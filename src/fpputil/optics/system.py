@@ -156,7 +156,7 @@ class System:
         return self.projector.project(self.points_at(z))[..., 0]
 
     def columns_per_mm(self, z: float | np.ndarray, step: float = 0.1) -> np.ndarray:
-        """Sensitivity |d column / d z| at depth z, (H, W), projector pixels per mm."""
+        """Sensitivity ``|d column / d z|`` at depth z, (H, W), projector pixels per mm."""
         return np.abs(self.columns_at(z + step) - self.columns_at(z - step)) / (2 * step)
 
     def save(self, path: str | os.PathLike) -> None:

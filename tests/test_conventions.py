@@ -1,0 +1,89 @@
+"""One test for each convention of the book (book/conventions.md)."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+
+from fpputil.decoding import depth, phase, reference, unwrap
+from fpputil.decoding.decoder import decode
+from fpputil.optics.fringes import Fringe, fringe_set
+
+SOURCE = Path(__file__).parents[1] / "src" / "fpputil"
+
+
+def test_frames_are_n_h_w(sphere_view):
+    assert sphere_view.frames(Fringe(24, 4)).shape == (4, 120, 160)
+
+
+def test_lengths_are_millimetres(sphere_view):
+    assert 579 < np.nanmin(sphere_view.depth) < 581  # a sphere of 100 mm around 680 mm
+
+
+def test_pixel_centres_are_integers(tiny):
+    assert tiny.system.camera.rays(np.array([79.5, 59.5])).tolist() == [0, 0, 1]
+
+
+def test_camera_is_the_world_with_y_down(tiny):
+    u, v = tiny.system.camera.project(np.array([10.0, 20.0, 660.0])) - (79.5, 59.5)
+    assert u > 0 and v > 0
+
+
+def test_fringe_is_a_cosine_of_the_column():
+    assert Fringe(15, 4).intensity(np.array([0.0, 7.5]), 0).tolist() == [255, 0]
+    np.testing.assert_allclose(Fringe(15, 4).shifts, np.pi / 2 * np.arange(4))
+
+
+def test_phase_is_minus_atan2_and_grows_with_the_column():
+    column = np.array([0.0, 1.0, 2.0])
+    frames = np.stack([Fringe(15, 4).intensity(column, n) for n in range(4)])
+    M, D = phase.numerator_denominator(frames)
+    np.testing.assert_allclose(M, -4 / 2 * 127.5 * np.sin(2 * np.pi * column / 15), atol=1e-9)
+    np.testing.assert_allclose(phase.wrapped_phase(M, D), 2 * np.pi * column / 15, atol=1e-12)
+
+
+def test_absolute_phase_is_two_pi_columns_over_pitch():
+    np.testing.assert_allclose(depth.column(2 * np.pi * 33.0 / 15, 15), 33.0)
+
+
+def test_unit_frequency_starts_half_a_pixel_before_column_0():
+    start = unwrap.unit_start(912, 912)
+    np.testing.assert_allclose(start, -np.pi / 912)
+
+
+def test_guard_is_five_sigma():
+    np.testing.assert_allclose(reference.guard_columns(0.02, 912), 5 * 0.02 * 912 / (2 * np.pi))
+
+
+def test_network_targets_have_unit_amplitude():
+    _, M, D = reference.refined_reference(np.array([1.0]), np.array([0.0]), 114, 304)
+    np.testing.assert_allclose(M**2 + D**2, 1)
+    np.testing.assert_allclose(phase.wrapped_phase(M, D), 114 / 304)
+
+
+def test_minimum_phase_is_the_smaller_of_two_planes_and_centred(tiny):
+    near, far = (2 * np.pi * tiny.system.columns_at(z) / 304 for z in (480.0, 820.0))
+    middle = (slice(None), slice(60, 100))  # where both planes are lit
+    plain = reference.minimum_phase(tiny.system, 304, centred=False)[middle]
+    np.testing.assert_allclose(plain, np.minimum(near, far)[middle])
+    free = 2 * np.pi - np.abs(far - near)[middle]
+    centred = reference.minimum_phase(tiny.system, 304)[middle]
+    np.testing.assert_allclose(plain - centred, free / 2)
+
+
+def test_outside_the_mask_is_nan(sphere_view):
+    fringes = fringe_set((912, 114, 24))
+    decoded = decode(sphere_view.frames(fringes), fringes, 912)
+    assert np.isnan(decoded.Phi[~decoded.mask]).all()
+    assert np.isnan(sphere_view.column[~sphere_view.mask]).all()
+
+
+def test_arrows_go_one_way():
+    """Optics import no decoding; neither imports torch but through the array namespace."""
+    for room, forbidden in (("optics", ("fpputil.decoding", "torch")), ("decoding", ("torch",))):
+        for file in (SOURCE / room).rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+                names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+                for name in names:
+                    assert not name.startswith((*forbidden, "fpputil.plotting")), (file, name)
