@@ -39,8 +39,13 @@ pages: install ## render the pages from the stored outputs, executing nothing
 lab: install ## open JupyterLab on the chapters
 	$(BIN)/jupyter lab --notebook-dir chapters
 
-bench: install ## compare speeds with other packages
-	$(BIN)/python -m benchmarks
+bench: install .venv-peer ## compare speeds, side by side with a peer package
+	$(BIN)/python -m benchmarks --peer .venv-peer/bin/python
+
+.venv-peer: # `fringes` needs another OpenCV than ours
+	$(PYTHON) -m venv $@.part
+	$@.part/bin/python -m pip install -q fringes==2.1.0
+	mv $@.part $@
 
 lint: install ## check style and format
 	$(BIN)/ruff check $(CHECKED)

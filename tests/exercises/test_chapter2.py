@@ -1,0 +1,46 @@
+"""Typical wrong answers to the exercises of chapter 2 are rejected."""
+
+import numpy as np
+import pytest
+
+from fpputil.exercises import accepts
+
+TAN10 = np.tan(np.radians(10))
+
+RIGHT = {
+    "2.1": 1200,
+    "2.2": (351.823, 223.338),
+    "2.3": (-0.9962, -0.0872, 0),
+    "2.4": 405.2,
+    "2.5": 97.92,
+}
+
+WRONG = [
+    ("2.1", 12 / 6.4 * 480, "rows for columns"),
+    ("2.1", 6.4 / 12 * 640, "upside down"),
+    ("2.1", 1066.667, "the sensor of the preset"),
+    ("2.2", (351.823, 255.662), "y upwards"),
+    ("2.2", (352.323, 223.838), "pixel centres at halves"),
+    ("2.2", (32.323, -16.162), "principal point forgotten"),
+    ("2.2", (223.338, 351.823), "row first"),
+    ("2.3", (0.9962, 0.0872, 0), "looking along +z"),
+    ("2.3", (-1, 0, 0), "the camera's direction"),
+    ("2.3", (-np.sin(95), np.cos(95), 0), "degrees taken as radians"),
+    ("2.4", 45 / TAN10, "measured from the projector"),
+    ("2.4", 150 + 45 * TAN10, "tangent upside down"),
+    ("2.4", 150 + 45 / np.tan(10), "degrees taken as radians"),
+    ("2.4", 150 + 45 / np.sin(np.radians(10)), "along the axis, not forward"),
+    ("2.5", 255 * 0.6 * 400 / 500, "distance not squared"),
+    ("2.5", 255 * (400 / 500) ** 2, "albedo forgotten"),
+    ("2.5", 255 * 0.6 * (500 / 400) ** 2, "ratio upside down"),
+]
+
+
+@pytest.mark.parametrize("key", RIGHT)
+def test_right(key):
+    assert accepts(key, RIGHT[key])
+
+
+@pytest.mark.parametrize(("key", "answer", "why"), WRONG, ids=lambda v: v if type(v) is str else "")
+def test_wrong(key, answer, why):
+    assert not accepts(key, answer), why
