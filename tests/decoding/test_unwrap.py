@@ -96,7 +96,7 @@ def test_naive_unit_interval_costs_a_quarter_of_a_percent():
 @pytest.mark.parametrize("pitches", [(912, 15), (912, 114, 15)])
 def test_order_errors_are_those_predicted(pitches):
     """Within the 99 % interval, corrected for the levels, from sigma, B, N and pitches alone."""
-    levels = {2: (0.5, 1.0, 2.0, 4.0), 3: (6.0, 9.0, 12.0, 16.0)}[len(pitches)]
+    levels = {2: (1.0, 2.0, 3.0, 4.0, 6.0), 3: (9.0, 16.0, 18.0, 21.0, 26.0)}[len(pitches)]
     B, steps, shape = 60.0, 15, (500, 1200)
     for level in levels:
         sigma = float(phase_sigma(level, B, steps))

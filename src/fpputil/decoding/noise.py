@@ -76,10 +76,12 @@ def order_error_rate(noise: float, modulation: float, steps, pitches, points: in
     steps = (steps,) * len(pitches) if np.isscalar(steps) else tuple(steps)
     error = np.linspace(-np.pi, np.pi, points)
     laws = [phase_density(error, float(phase_sigma(noise, modulation, n))) for n in steps]
-    right = laws[0]
+    right, wrong = laws[0], 0.0
     for law, longer, pitch in zip(laws[1:], pitches, pitches[1:], strict=False):
         cumulative = cumulative_trapezoid(right, error, initial=0)
         low, high = (error - np.pi) * pitch / longer, (error + np.pi) * pitch / longer
-        within = np.interp(high, error, cumulative) - np.interp(low, error, cumulative)
-        right = law * within
-    return float(1 - trapezoid(right, error))
+        below = np.interp(low, error, cumulative)
+        above = cumulative[-1] - np.interp(high, error, cumulative)
+        wrong += trapezoid(law * (below + above), error)
+        right = law * (cumulative[-1] - below - above)
+    return float(wrong)

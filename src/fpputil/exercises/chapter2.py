@@ -1,7 +1,5 @@
 """Checkers of chapter 2: the virtual system."""
 
-import numpy as np
-
 from fpputil.exercises import close, exercise
 from fpputil.optics import shapes
 from fpputil.optics.raycast import raycast
@@ -13,7 +11,7 @@ def focal_length(answer):
     return close(answer, 12 * 640 / 6.4)
 
 
-@exercise("2.2", "f x / z + c_u and f y / z + c_v; pixel centres lie at integers, v grows downwards.")
+@exercise("2.2", "f x / z + c_u and f y / z + c_v; pixel centres lie at integers, v grows down.")
 def pixel(answer):
     return close(answer, preset("paper").system.camera.project([20.0, -10.0, 660.0]), 0.05, 0)
 
@@ -23,7 +21,7 @@ def viewing_direction(answer):
     return close(answer, from_blender((-0.15, 0.045, 0), (90, 0, 95))[0][2], 1e-3)
 
 
-@exercise("2.4", "In the plan, the axis falls 45 mm sideways over the distance 45 / tan(10 degrees).")
+@exercise("2.4", "In the plan the axis runs 45 mm sideways over the distance 45 / tan(10 degrees).")
 def crossing(answer):
     camera, _ = from_blender((0, 0, 0), (90, 0, 90))
     R, centre = from_blender((-0.15, 0.045, 0), (90, 0, 100))

@@ -1,0 +1,38 @@
+"""Chapter 4: typical wrong answers are rejected, right ones accepted to three digits."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fpputil.exercises import accepts
+
+RIGHT = {"4.1": 15.85, "4.2": 12.53, "4.3": 24.65, "4.4": 105, "4.5": 6}
+
+WRONG = [
+    ("4.1", 8 * 1.95, "the scaled reference itself"),
+    ("4.1", -3.0 + 2 * math.pi * 2, "floor for round"),
+    ("4.1", 3, "the order, not the phase"),
+    ("4.2", math.pi / 0.05, "one standard deviation"),
+    ("4.2", 2 * math.pi / (5 * 0.05), "a period for half a period"),
+    ("4.2", (math.pi / (5 * 0.05)) ** 2 - 1, "root forgotten"),
+    ("4.3", 25, "rounded: the beat is 600"),
+    ("4.3", 24 * 912 / (912 + 24), "the shorter partner"),
+    ("4.3", 912 + 24, "sum for beat"),
+    ("4.4", 15 * 21, "product"),
+    ("4.4", math.gcd(15, 21), "greatest common divisor"),
+    ("4.4", 15 * 21 / (21 - 15), "beat"),
+    ("4.5", 5, "one too few"),
+    ("4.5", 29, "two frequencies' worth"),
+    ("4.5", np.array([6, 6, 6]), "one number for each pitch"),
+]
+
+
+@pytest.mark.parametrize("key", RIGHT)
+def test_right(key):
+    assert accepts(key, RIGHT[key])
+
+
+@pytest.mark.parametrize(("key", "answer", "misconception"), WRONG)
+def test_wrong(key, answer, misconception):
+    assert not accepts(key, answer), misconception
