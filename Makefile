@@ -9,7 +9,7 @@ TORCH   ?=
 
 VENV := .venv
 BIN  := $(VENV)/bin
-CHAPTERS := $(wildcard chapters/[0-9]*.ipynb)
+CHAPTERS := $(wildcard chapters/[0-9]*.ipynb) book/index.ipynb
 CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
 # The stamp is named after all that decides what is installed.
 STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo '$(BLENDER) $(TORCH)'; } | cksum | cut -d' ' -f1)

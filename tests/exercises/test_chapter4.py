@@ -23,7 +23,7 @@ WRONG = [
     ("4.4", math.gcd(15, 21), "greatest common divisor"),
     ("4.4", 15 * 21 / (21 - 15), "beat"),
     ("4.5", 5, "one too few"),
-    ("4.5", 29, "two frequencies' worth"),
+    ("4.5", 290, "two frequencies' worth"),
     ("4.5", np.array([6, 6, 6]), "one number for each pitch"),
 ]
 

@@ -95,6 +95,23 @@ def test_back_faces_are_excluded(tiny):
         raycast(wall, tiny.system)
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_wall_between_camera_and_projector(tiny, side):
+    """One side is seen and not lit, the other lit and not seen: either way the mask is empty."""
+    corners = [(20, -50, 500), (20, 50, 500), (20, 50, 800), (20, -50, 800)]
+    wall = trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
+    if side < 0:
+        wall.invert()
+    with pytest.raises(ValueError, match="empty mask"):
+        raycast(wall, tiny.system)
+
+
+def test_the_middle_sample_is_the_pixel_centre(tiny):
+    mesh = sphere(100, (0, 0, 680))
+    view = raycast(mesh, tiny.system, supersample=3)
+    np.testing.assert_allclose(view.fine.column[1::3, 1::3], view.column, atol=1e-3)
+
+
 def test_supersampling_mixes_only_the_edges(tiny):
     near, far = plane(560.0, 40.0), plane(760.0, 400.0)
     mesh = trimesh.util.concatenate([near, far])

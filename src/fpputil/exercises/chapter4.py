@@ -32,7 +32,7 @@ def unambiguous_columns(answer):
     return close(answer, math.lcm(15, 21), rtol=0)
 
 
-@exercise("4.5", "Raise the steps one by one until order_error_rate(8, 50, steps, ...) is below 1e-4.")
+@exercise("4.5", "Raise the steps until order_error_rate(8, 50, steps, ...) is below 1e-4.")
 def steps_for_orders(answer):
     rate = (order_error_rate(8, 50, N, (912, 114, 15)) < 1e-4 for N in range(3, 200))
     return close(answer, 3 + list(rate).index(True), rtol=0)
