@@ -79,7 +79,8 @@ class RunTimesDirective(SphinxDirective):
 def reading_time(path: Path) -> str:
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".ipynb":
-        text = "\n".join("".join(cell["source"]) for cell in json.loads(text)["cells"])
+        cells = json.loads(text)["cells"]
+        text = "\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
     return f"{max(1, round(len(text.split()) / WORDS_A_MINUTE))} min"
 
 
