@@ -13,8 +13,9 @@ import numpy as np
 import trimesh
 from matplotlib.axes import Axes
 
+from fpputil.optics.pinhole import Pinhole, camera_matrix
 from fpputil.optics.raycast import bvh, raycast
-from fpputil.optics.system import Pinhole, System, camera_matrix
+from fpputil.optics.system import System
 
 COLOURS = ("#1b4f72", "#d35400", "#1e8449", "#7d3c98", "#b7950b", "#5d6d7e")
 

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fpputil.optics.system import Pinhole, System, camera_matrix, from_blender, preset, table2
+from fpputil.optics.pinhole import Pinhole, camera_matrix
+from fpputil.optics.system import System, from_blender, preset, table2
 
 LENS = (-0.12, 0.05, 1e-3, -5e-4, 0.01)
 

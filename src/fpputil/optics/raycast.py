@@ -10,7 +10,8 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from fpputil.optics.system import Pinhole, System
+from fpputil.optics.pinhole import Pinhole
+from fpputil.optics.system import System
 from fpputil.optics.view import View
 
 Albedo = float | np.ndarray | Callable[[np.ndarray], np.ndarray]

@@ -1,0 +1,143 @@
+"""A pinhole with lens distortion: the camera, and the projector (chapter 2).
+
+Pixel centres lie at integer coordinates, as in OpenCV.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Pinhole:
+    """A pinhole with lens distortion; a projector is a camera that sends light.
+
+    Parameters
+    ----------
+    width, height : int
+        Pixels.
+    K : (3, 3) array
+        Camera matrix, pixels.
+    R : (3, 3) array
+        Rotation from the world to this pinhole's frame.
+    t : (3,) array
+        Translation in mm: ``x_local = R x_world + t``.
+    distortion : (k,) array
+        OpenCV's coefficients (k1, k2, p1, p2, k3 ...); empty for an ideal lens.
+
+    Raises
+    ------
+    ValueError
+        If the camera matrix is degenerate, R is no rotation, or a shape is wrong.
+    """
+
+    width: int
+    height: int
+    K: np.ndarray
+    R: np.ndarray = field(default_factory=lambda: np.eye(3))
+    t: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    distortion: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self):
+        for name in ("K", "R", "t", "distortion"):
+            value = np.array(getattr(self, name), np.float64)
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        _check_pinhole(self)
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Optical centre in the world, (3,), mm."""
+        return -self.R.T @ self.t
+
+    @property
+    def P(self) -> np.ndarray:
+        """Projection matrix K [R | t], (3, 4), of the ideal lens."""
+        return self.K @ np.column_stack([self.R, self.t])
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels of world points; NaN for points not in front of the pinhole.
+
+        Parameters
+        ----------
+        points : (..., 3) array
+            World coordinates, mm.
+
+        Returns
+        -------
+        (..., 2) float64 array
+            u (column) and v (row), pixels.
+        """
+        points = np.asarray(points, np.float64)
+        local = points @ self.R.T + self.t
+        with np.errstate(divide="ignore", invalid="ignore"):
+            xy = local[..., :2] / local[..., 2:]
+        xy = np.where(local[..., 2:] > 0, xy, np.nan)
+        if self.distortion.any():
+            flat = np.ascontiguousarray(local.reshape(-1, 3))
+            lens, _ = cv2.projectPoints(flat, np.zeros(3), np.zeros(3), np.eye(3), self.distortion)
+            xy = np.where(np.isfinite(xy), lens.reshape(xy.shape), np.nan)
+        return xy @ self.K[:2, :2].T + self.K[:2, 2]
+
+    def rays(self, pixels: np.ndarray | None = None) -> np.ndarray:
+        """Directions, in the world, of the rays through pixels; z is 1 in the pinhole's frame.
+
+        Parameters
+        ----------
+        pixels : (..., 2) array, optional
+            u and v; by default the (H, W, 2) grid of all pixel centres.
+
+        Returns
+        -------
+        (..., 3) float64 array
+            ``centre + s * rays`` are the points seen at the pixels.
+        """
+        pixels = self.grid() if pixels is None else np.asarray(pixels, np.float64)
+        xy = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
+        if self.distortion.any():
+            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+            flat = np.ascontiguousarray(xy.reshape(-1, 1, 2))
+            lens = cv2.undistortPointsIter(flat, np.eye(3), self.distortion, None, None, criteria)
+            xy = lens.reshape(xy.shape)
+        return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) @ self.R
+
+    def grid(self) -> np.ndarray:
+        """Pixel centres u, v, shape (H, W, 2)."""
+        return np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), -1).astype(
+            np.float64
+        )
+
+    def inside(self, pixels: np.ndarray) -> np.ndarray:
+        """True where pixels (..., 2) lie on the sensor, from -0.5 to size - 0.5."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+
+
+def camera_matrix(focal: float, width: int, height: int) -> np.ndarray:
+    """K with square pixels and the principal point in the middle, (3, 3), pixels."""
+    return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+
+
+def _check_pinhole(p: Pinhole) -> None:
+    if p.K.shape != (3, 3) or p.R.shape != (3, 3) or p.t.shape != (3,):
+        raise ValueError(
+            f"K {p.K.shape}, R {p.R.shape}, t {p.t.shape} given; they are (3, 3), (3, 3) and (3,)"
+        )
+    if p.width < 1 or p.height < 1:
+        raise ValueError(f"{p.width} x {p.height} pixels given; a sensor has at least one pixel")
+    if not all(np.isfinite(a).all() for a in (p.K, p.R, p.t, p.distortion)):
+        raise ValueError("NaN or infinite camera parameters given; all must be finite")
+    if not (p.K[0, 0] > 0 and p.K[1, 1] > 0 and np.allclose(p.K[2], (0, 0, 1)) and p.K[1, 0] == 0):
+        raise ValueError(
+            f"camera matrix {p.K.tolist()} given; it needs positive focal lengths and the "
+            "last row 0 0 1, or its rays are undefined"
+        )
+    if not (np.allclose(p.R @ p.R.T, np.eye(3), atol=1e-6) and np.linalg.det(p.R) > 0):
+        raise ValueError(f"rotation {p.R.tolist()} given; R must be orthonormal with det +1")
+    if p.distortion.size not in (0, 4, 5, 8, 12, 14):
+        raise ValueError(
+            f"{p.distortion.size} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or 14"
+        )
