@@ -52,7 +52,7 @@ def test_unit_frequency_starts_half_a_pixel_before_column_0():
 
 
 def test_guard_is_five_sigma():
-    np.testing.assert_allclose(reference.guard_columns(0.02, 912), 5 * 0.02 * 912 / (2 * np.pi))
+    np.testing.assert_allclose(unwrap.guard_columns(0.02, 912), 5 * 0.02 * 912 / (2 * np.pi))
 
 
 def test_network_targets_have_unit_amplitude():

@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from fpputil.optics.pinhole import Pinhole, camera_matrix
 from fpputil.optics.raycast import bvh, raycast
@@ -94,7 +95,9 @@ def quantity(ax: Axes, values: np.ndarray, title: str, unit: str, low=None, high
 
 def orders(ax: Axes, K: np.ndarray, title: str = "fringe order") -> None:
     """A fringe-order map (H, W)."""
-    _map(ax, K, title, "viridis", None, None, "periods")
+    bar = _map(ax, K, title, "viridis", None, None, "periods")
+    bar.locator = MaxNLocator(integer=True)
+    bar.update_ticks()
 
 
 def _map(ax, values, title, cmap, low, high, unit):

@@ -10,7 +10,6 @@ from scipy.stats import binomtest
 from fpputil.decoding import unwrap
 from fpputil.decoding.noise import order_error_rate, phase_sigma
 from fpputil.decoding.phase import numerator_denominator, wrapped_phase
-from fpputil.decoding.reference import guard_columns
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.view import View
 
@@ -80,7 +79,7 @@ def test_naive_unit_interval_costs_a_quarter_of_a_percent():
         unwrap.wrap(2 * np.pi * column / p + rng.normal(0, 0.02, column.shape))
         for p in (912, 114, 15)
     ]
-    guard = guard_columns(0.02, 912)
+    guard = unwrap.guard_columns(0.02, 912)
     inner = (column > guard) & (column < 911 - guard)
 
     def wrong(Phi_1):
@@ -100,7 +99,7 @@ def test_order_errors_are_those_predicted(pitches):
     B, steps, shape = 60.0, 15, (500, 1200)
     for level in levels:
         sigma = float(phase_sigma(level, B, steps))
-        guard = guard_columns(sigma, WIDTH)
+        guard = unwrap.guard_columns(sigma, WIDTH)
         column = np.linspace(guard, 911 - guard, shape[1], dtype=np.float32)
         column = np.broadcast_to(column, shape)
         shade = np.full(shape, 2 * B / 255, np.float32)

@@ -41,6 +41,7 @@ def decode(
     fringes: Sequence[Fringe],
     width: float,
     threshold: float = phase.THRESHOLD,
+    sigma_phi: float = 0.0,
 ) -> Decoded:
     """Decode a set of fringes by multi-frequency temporal unwrapping (Eq. 3, 7, 16). Chapter 4.
 
@@ -57,6 +58,9 @@ def decode(
         Projector columns (rows for horizontal fringes).
     threshold : float
         Least modulation, grey levels, of the last pitch.
+    sigma_phi : float
+        Phase noise of the first pitch, radians. Columns that it may throw across the border
+        of the projector (`guard_columns`) leave the mask; 0 keeps all.
 
     Returns
     -------
@@ -66,7 +70,7 @@ def decode(
     ------
     ValueError
         On a wrong number of frames, mixed sizes or dtypes, NaN, pitches that do not descend or
-        do not cover the projector, or if no pixel passes the threshold.
+        do not cover the projector, or if no pixel is left in the mask.
     """
     pitches = [f.pitch for f in fringes]
     unwrap.check_pitches(fringes, pitches)
@@ -78,12 +82,24 @@ def decode(
         result = _by_equations(frames, fringes, pitches, width, threshold)
     else:
         result = _by_kernel(frames, fringes, pitches, start, threshold)
+    if sigma_phi:
+        _guard(result, pitches[-1], width, unwrap.guard_columns(sigma_phi, width))
     if not result.mask.any():
         raise ValueError(
             f"no pixel with modulation above {threshold} grey levels (largest "
-            f"{result.modulation[-1].max():.3g}); check exposure, focus and the threshold"
+            f"{result.modulation[-1].max():.3g}) away from the projector's borders; "
+            "check exposure, focus and the threshold"
         )
     return result
+
+
+def _guard(result: Decoded, pitch, width, guard) -> None:
+    """Take the columns within `guard` of either border out of the result."""
+    with np.errstate(invalid="ignore"):
+        near = np.abs(result.Phi * (pitch / (2 * np.pi)) - (width - 1) / 2) > width / 2 - guard
+    result.mask[near] = False
+    result.Phi[near] = np.nan
+    result.wrapped[:, near] = np.nan
 
 
 def _by_equations(frames, fringes, pitches, width, threshold) -> Decoded:

@@ -28,7 +28,7 @@ def phase_sigma(noise, modulation, steps: int):
 
 
 def phase_density(error, sigma: float):
-    """Exact probability density of the phase error of a phasor in Gaussian noise. Chapter 4.
+    """Exact probability density of the phase error of a phasor in Gaussian noise. Chapter 3.
 
     Parameters
     ----------

@@ -5,8 +5,6 @@ The equations take NumPy arrays or torch tensors; the phases of the geometry are
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from array_api_compat import array_namespace
 
@@ -131,8 +129,3 @@ def two_phase_absolute(phi_h, phi_z, Phi_min, pitch_h: float, pitch_z: float):
     """
     Phi_z = absolute(phi_z, zmin_order(phi_z, Phi_min))
     return absolute(phi_h, fringe_order(phi_h, Phi_z, pitch_z / pitch_h))
-
-
-def guard_columns(sigma_phi: float, width: int) -> float:
-    """Columns at either border that noise may throw to the other side: 5 sigma_phi W / 2 pi."""
-    return 5 * sigma_phi * width / (2 * math.pi)

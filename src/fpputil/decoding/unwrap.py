@@ -65,6 +65,19 @@ def unit_start(pitch: float, width: float) -> float:
     return -math.pi * (1 + pitch - width) / pitch
 
 
+def guard_columns(sigma_phi: float, width: float) -> float:
+    """Columns at either border that noise may throw to the other: 5 sigma_phi W / 2 pi. Chapter 4.
+
+    Parameters
+    ----------
+    sigma_phi : float
+        Phase noise of the unit frequency, radians.
+    width : float
+        Projector columns.
+    """
+    return 5 * sigma_phi * width / TWO_PI
+
+
 def mf_tpu(phis, pitches, width: float):
     """Multi-frequency temporal unwrapping over two or more frequencies (Eq. 4-7). Chapter 4.
 

@@ -54,7 +54,9 @@ def check(key: str, answer) -> bool:
         If there is no such exercise.
     """
     right = accepts(key, answer)
-    print(f"Exercise {key}: right." if right else f"Exercise {key}: not yet. {_find(key).hint}")
+    digits = " Numbers need four digits." if isinstance(answer, float) else ""
+    hint = f"not yet. {_find(key).hint}{digits}"
+    print(f"Exercise {key}: {'right.' if right else hint}")
     return right
 
 

@@ -19,7 +19,7 @@ __all__ = ["CENTRE", "FAMILIES", "SIZE", "genus", "load_mesh", "part", "place", 
            "rotations", "sphere", "step_block", "texture", "views"]  # fmt: skip
 
 SIZE = 240.0
-"""Diameter in mm of the ball a placed mesh fills: at `CENTRE`, every pose of it is inside the
+"""Diameter in mm of the ball that a placed mesh fills. At `CENTRE` every pose of it is inside the
 presets' camera view (a ball of 285 mm would touch it) and measuring range (z 480 to 820 mm)."""
 
 CENTRE = (0.0, 0.0, 650.0)

@@ -116,7 +116,7 @@ class Preset:
 
     @property
     def descending(self) -> tuple[float, float, float]:
-        """Pitches of multi-frequency unwrapping, longest first: unit, mid, high."""
+        """Pitches of multi-frequency unwrapping, longest first (unit, mid, high)."""
         return self.unit, self.mid, self.high
 
 

@@ -107,6 +107,7 @@ class View:
                 if ambient:
                     light += dtype(ambient)
                 if gamma != 1:
+                    np.maximum(light, 0, out=light)  # rounding may leave black below zero
                     light = dtype(WHITE) * (light / dtype(WHITE)) ** dtype(gamma)
                 if noise:
                     light += dtype(noise) * rng.standard_normal(light.shape, dtype)
