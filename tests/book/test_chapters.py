@@ -115,5 +115,11 @@ def test_figures_have_name_caption_and_alt_text(cells):
     assert not re.search(r"!\[\s*\]\(", prose(cells)), "a picture in the prose has no alt text"
 
 
+def test_figures_of_the_paper_are_called_by_their_number(cells):
+    for cell in code(cells):
+        caption = cell["metadata"].get("mystnb", {}).get("figure", {}).get("caption", "")
+        assert not re.search(r"paper's [Ff]ig(\.|ure) (?!\d)", caption), caption
+
+
 def test_size(path):
     assert path.stat().st_size < 3_000_000
