@@ -35,7 +35,9 @@ def test_the_stored_solutions_are_right(path):
     assert registered == keys, "every checker belongs to an exercise of the chapter"
 
 
-@pytest.mark.parametrize("answer", [None, "text", object(), [], float("nan"), lambda: 1])
+@pytest.mark.parametrize(
+    "answer", [None, "text", object(), [], float("nan"), float("inf"), 10**400, lambda: 1 / 0]
+)
 @pytest.mark.parametrize("path", CHAPTERS, ids=lambda p: p.stem)
 def test_answers_of_the_wrong_kind_are_refused(path, answer):
     keys = set(re.findall(r"check\(\s*\"(\d+\.\d+)\"", "\n".join(sources(path))))

@@ -188,11 +188,8 @@ def _by_embree(meshes, look_from, look_at, size, angle):
     colours = np.array([plt.matplotlib.colors.to_rgb(c) for _, c in meshes])
     owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m, _ in meshes])
     far = np.linalg.norm(whole.vertices - look_from, axis=1).max()
-    system, scene = System(eye, eye, 1.0, 2 * far + 1), bvh(whole)
-    light = [
-        raycast(whole, system, albedo=0.3 + 0.7 * c, white_at=1.0, scene=scene)
-        for c in colours[owner].T
-    ]
+    system, tree = System(eye, eye, 1.0, 2 * far + 1), bvh(whole)
+    light = [raycast(tree, system, albedo=0.3 + 0.7 * c, white_at=1.0) for c in colours[owner].T]
     distance = np.linalg.norm(eye.rays(), axis=-1) * light[0].depth
     rgb = np.stack([v.shade * distance**2 for v in light], -1)
     return np.where(light[0].mask[..., None], np.clip(255 * rgb, 0, 255), 255).astype(np.uint8)

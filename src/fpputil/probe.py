@@ -57,9 +57,10 @@ def _known_or_tried(name: str) -> bool:
 
 def _remembered() -> list[str]:
     try:
-        return json.loads(_MEMORY.read_text())
+        names = json.loads(_MEMORY.read_text())
     except (OSError, ValueError):
         return []
+    return names if isinstance(names, list) else []
 
 
 def _environment(name: str) -> dict[str, str]:

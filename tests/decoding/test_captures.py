@@ -20,8 +20,7 @@ WIDTH = 1000  # columns of these pitches in view; the beat of all three is 1680 
 
 
 def decode(scene: str):
-    columns, strong = [], True
-    phis = []
+    phis, strong = [], True
     for pitch in PITCHES:
         files = [CAPTURES / scene / f"period{pitch}_step{n:02d}.png" for n in range(12)]
         frames = np.stack([cv2.imread(str(f), cv2.IMREAD_GRAYSCALE) for f in files])

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import torch
 
 from fpputil.decoding import phase, unwrap
 from fpputil.decoding.decoder import decode
-from fpputil.optics.fringes import fringe_set
+from fpputil.optics.fringes import Fringe, fringe_set
 
 SETS = {"three": ((912, 114, 15), 15), "two": ((912, 24), (3, 7)), "four": ((912, 304, 114, 24), 5)}
 
@@ -24,6 +25,21 @@ def test_kernel_equals_equations(sphere_view, dtype, name):
     np.testing.assert_allclose(fast.modulation, slow.modulation, atol=1e-4)
     agree = np.abs(fast.Phi - slow.Phi)[both] < 1e-4
     assert agree.mean() > 0.9999  # a tie of the rounding may fall either way
+
+
+@pytest.mark.parametrize("kind", [">u2", ">f8", "F", "strided", "list"])
+def test_any_layout_of_frames(sphere_view, kind):
+    fringes = fringe_set((912, 114, 24), 5)
+    frames = sphere_view.frames(fringes)
+    same = {
+        "F": lambda: np.asfortranarray(frames),
+        "strided": lambda: np.repeat(frames, 2, axis=2)[:, :, ::2][:, ::-1][:, ::-1],
+        "list": lambda: list(frames),
+    }.get(kind, lambda: frames.astype(kind))()
+    expected = decode(frames, fringes, 912)
+    got = decode(same, fringes, 912)
+    np.testing.assert_allclose(got.Phi, expected.Phi, atol=1e-4)
+    assert got.Phi.dtype == (np.float64 if kind == ">f8" else np.float32)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 683), (2, 1024), (1, 2049), (64, 65)])
@@ -73,6 +89,8 @@ FRINGES = fringe_set((912, 114, 15), 4)
         (np.zeros((8, 4, 4), np.uint8), FRINGES[1:], "pitch 114 on 912 columns"),
         (np.zeros((12, 4, 4), np.uint8), FRINGES, "no pixel with modulation above 8"),
         (np.zeros((12, 4, 4), bool), FRINGES, "dtype bool"),
+        (torch.zeros((12, 4, 4)), FRINGES, "torch tensors given"),
+        (np.zeros((8, 4, 4)), (Fringe(912, 4), Fringe(15, 4, axis="row")), "one axis"),
     ],
 )
 def test_bad_input(frames, fringes, says):
@@ -88,7 +106,7 @@ def test_memory_stays_within_outputs_and_64_mib():
     program = """
 import resource, numpy as np
 from fpputil.decoding.decoder import decode
-from fpputil.optics.fringes import fringe_set
+from fpputil.optics.fringes import Fringe, fringe_set
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 fringes = fringe_set((912, 114, 15), 15)
 rng = np.random.default_rng(0)

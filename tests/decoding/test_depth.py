@@ -53,10 +53,24 @@ def test_raycast_depth_is_triangulated_back(tiny, sphere_view):
 
 
 def test_behind_the_camera_is_nan(tiny):
-    column = tiny.system.columns_at(660.0)
-    column[:, 40] = -1e6
-    points = depth.triangulate(column, tiny.system)
-    assert np.isnan(points[:, 40]).all() or (points[:, 40, 2] > 0).all()
+    P, behind = tiny.system.projector.P, -200 * tiny.system.camera.rays()
+    column = (behind @ P[0, :3] + P[0, 3]) / (behind @ P[2, :3] + P[2, 3])
+    assert np.isnan(depth.triangulate(column, tiny.system)).all()
+
+
+def test_skew_of_the_projector(tiny):
+    K = tiny.system.projector.K.copy()
+    K[0, 1] = 20
+    system = replace(tiny.system, projector=replace(tiny.system.projector, K=K))
+    points = depth.triangulate(system.columns_at(660.0), system)
+    np.testing.assert_allclose(points[:, :120], system.points_at(660.0)[:, :120], atol=1e-8)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, bool])
+def test_masks_of_any_kind(dtype):
+    mask = np.zeros((5, 6), dtype)
+    mask[1, 2] = 1
+    assert depth.point_cloud(np.ones((5, 6, 3)), mask).shape == (1, 3)
 
 
 def test_eight_bit_phase_of_the_paper_preset(paper, paper_sphere_view, paper_fringes):
@@ -99,10 +113,11 @@ def test_phase_height_models_on_planes(tiny, degree, inside):
         (np.zeros((2, 4, 4)), (1, 2, 3), 1),
         (np.zeros((4, 4)), (1, 2), 1),
         (np.zeros((2, 4, 4)), (1, 2), 0),
+        (np.zeros((2, 4, 4)), (1, np.nan), 1),
     ],
 )
 def test_bad_phase_height(Phi, heights, degree):
-    with pytest.raises(ValueError, match="a fit needs"):
+    with pytest.raises(ValueError, match="a fit needs|all must be finite"):
         depth.fit_phase_height(Phi, heights, degree)
 
 
@@ -153,16 +168,20 @@ def test_plane_through_the_whole_chain(tiny):
         ),
         (lambda: depth.fit_sphere(np.full((9, 3), np.nan)), "NaN"),
         (lambda: depth.fit_plane(np.arange(9.0)[:, None] * np.ones(3)), "on a line"),
-        (lambda: depth.fit_plane(np.zeros((5, 2))), r"needs \(P, 3\)"),
+        (lambda: depth.fit_plane(np.zeros((5, 2))), r"\(P, 3\) is needed"),
         (lambda: depth.point_cloud(np.full((4, 4, 3), np.nan)), "no finite point"),
         (lambda: depth.point_cloud(np.zeros((4, 4, 3)), np.zeros((4, 4), bool)), "no finite point"),
         (lambda: depth.surface(np.full((4, 4, 3), np.nan)), "no triangle"),
         (lambda: depth.save_ply("x.obj", np.zeros((5, 3))), "ends in .ply"),
-        (lambda: depth.save_ply("x.ply", np.full((5, 3), np.nan)), "finite"),
+        (lambda: depth.save_ply("x.ply", np.full((5, 3), np.nan)), "NaN"),
+        (lambda: depth.save_ply("x.ply", np.zeros((0, 3))), "P >= 1"),
+        (lambda: depth.save_ply("x.ply", np.zeros((5, 3)), np.zeros((3, 3), np.uint8)), "colours"),
+        (lambda: depth.save_ply("x.ply", np.zeros((5, 3)), np.zeros((5, 3))), "colours"),
+        (lambda: depth.save_ply("no/x.ply", np.zeros((5, 3))), "does not exist"),
     ],
 )
 def test_bad_input(call, says):
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises((ValueError, FileNotFoundError), match=says):
         call()
 
 

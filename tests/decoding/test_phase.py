@@ -122,6 +122,8 @@ def frames(**change):
         (frames(dtype=complex), "complex"),
         (frames(shape=(4, 0, 6)), "no pixel"),
         ([], "0 frames given"),
+        ([[1, 2], [3, 4]], "frames of type list given"),
+        (None, "frames of type NoneType given"),
     ],
 )
 def test_bad_frames(bad, says):

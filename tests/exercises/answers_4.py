@@ -11,6 +11,7 @@ WRONG = [
     ("4.1", -3.0 + 2 * math.pi * 2, "floor for round"),
     ("4.1", 3, "the order, not the phase"),
     ("4.2", math.pi / 0.05, "one standard deviation"),
+    ("4.2", math.pi / (5 * 0.05), "the 1 under the root forgotten"),
     ("4.2", 2 * math.pi / (5 * 0.05), "a period for half a period"),
     ("4.2", (math.pi / (5 * 0.05)) ** 2 - 1, "root forgotten"),
     ("4.3", 25, "rounded: the beat is 600"),

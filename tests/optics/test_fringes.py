@@ -87,9 +87,12 @@ def test_sets_pair_pitches_with_steps():
         ({"pitch": float("nan")}, "pitch nan given"),
         ({"pitch": 15, "steps": 2}, "2 steps given"),
         ({"pitch": 15, "steps": 3.5}, "3.5 steps given"),
+        ({"pitch": 15, "steps": 5.0}, "5.0 steps given"),
+        ({"pitch": 15, "steps": None}, "None steps given"),
+        ({"pitch": "15"}, "pitch '15' given"),
         ({"pitch": 15, "axis": "x"}, "'column' or 'row'"),
         ({"pitch": 15, "gamma": 0}, "gamma 0 given"),
-        ({"pitch": 15, "levels": 1}, "1 levels given"),
+        ({"pitch": 15, "levels": 1}, "levels 1 given"),
         ({"pitch": 15, "defocus": -1}, "defocus -1 given"),
     ],
 )

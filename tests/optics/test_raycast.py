@@ -1,9 +1,13 @@
 """Ray casting against closed-form geometry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
+from fpputil.optics.pinhole import Pinhole, camera_matrix
 from fpputil.optics.raycast import bvh, raycast
 from fpputil.optics.shapes import plane, sphere
 
@@ -132,16 +136,13 @@ def test_supersampling_mixes_only_the_edges(tiny):
 
 def test_one_tree_serves_many_views(tiny):
     mesh = sphere(100, (0, 0, 680))
-    scene = bvh(mesh)
-    first, second = (raycast(mesh, tiny.system, scene=scene) for _ in range(2))
+    tree = bvh(mesh)
+    plain, first, second = (raycast(m, tiny.system) for m in (mesh, tree, tree))
+    np.testing.assert_array_equal(plain.column, first.column)
     np.testing.assert_array_equal(first.column, second.column)
 
 
 def test_a_moved_rig_sees_the_same_as_a_moved_object(tiny):
-    from dataclasses import replace
-
-    from scipy.spatial.transform import Rotation
-
     mesh = trimesh.creation.box((120, 80, 60))
     mesh.apply_translation((10, -5, 660))
     R, t = Rotation.from_euler("xyz", (3, 12, -7), degrees=True).as_matrix(), np.array([5.0, 9, 2])
@@ -162,7 +163,7 @@ def test_a_moved_rig_sees_the_same_as_a_moved_object(tiny):
 @pytest.mark.parametrize(
     "mesh, says",
     [
-        (trimesh.Trimesh(), "0 faces given"),
+        (trimesh.Trimesh(), "mesh has no faces"),
         (sphere(10, (5000, 0, 660)), "outside the view"),
         (sphere(10, (0, 0, -660)), "outside the view"),
     ],
@@ -177,6 +178,48 @@ def test_vertices_must_be_finite(tiny):
     mesh.vertices[0] = np.nan
     with pytest.raises(ValueError, match="NaN"):
         raycast(mesh, tiny.system)
+
+
+@pytest.mark.parametrize(
+    "option, says",
+    [
+        ({"albedo": np.nan}, "NaN, infinite or negative"),
+        ({"albedo": -0.1}, "NaN, infinite or negative"),
+        ({"albedo": lambda p: np.full(len(p), np.nan)}, "NaN, infinite or negative"),
+        ({"albedo": np.ones(500)}, r"albedo of shape \(500,\) given"),
+        ({"albedo": lambda p: np.ones((len(p), 1))}, "albedo of shape"),
+        ({"albedo": lambda p: 0.5}, r"albedo of shape \(\) given"),
+        ({"specular": np.nan}, "specular nan given"),
+        ({"shininess": 0}, "shininess 0 given"),
+        ({"white_at": -1.0}, "white_at -1.0 given"),
+    ],
+)
+def test_bad_looks(tiny, option, says):
+    with pytest.raises(ValueError, match=says):
+        raycast(plane(660.0, 300.0), tiny.system, **option)
+
+
+def test_a_lens_does_not_fold_far_points_into_the_image(tiny):
+    """Barrel distortion turns back far off the axis; what lies there is not lit."""
+    projector = replace(tiny.system.projector, distortion=(-0.3, 0, 0, 0))
+    wide = Pinhole(320, 240, camera_matrix(50, 320, 240))
+    system = replace(tiny.system, camera=wide, projector=projector)
+    view = raycast(plane(660.0, 4000.0), system)
+    beam = system.points_at(660.0)[view.mask] - projector.centre
+    angle = np.arccos(beam @ projector.R[2] / np.linalg.norm(beam, axis=1))
+    assert np.degrees(angle).max() < 45
+    ideal = raycast(plane(660.0, 4000.0), replace(system, projector=tiny.system.projector))
+    assert 1 < view.mask.sum() / ideal.mask.sum() < 1.5
+
+
+@pytest.mark.parametrize("s", [2, 3])
+def test_samples_lie_evenly_in_the_pixel(tiny, s):
+    """On a plane the mean of the samples' columns is the column of the centre."""
+    view = raycast(plane(660.0, 300.0), tiny.system, supersample=s)
+    h, w = view.mask.shape
+    mean = view.fine.column.reshape(h, s, w, s).mean(axis=(1, 3))
+    inside = view.mask & np.isfinite(mean)
+    np.testing.assert_allclose(mean[inside], view.column[inside], atol=2e-3)
 
 
 @pytest.mark.parametrize("s", [0, 1.5])

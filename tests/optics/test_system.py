@@ -1,6 +1,8 @@
 """Pinholes and presets against geometry and OpenCV."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -138,6 +140,44 @@ def test_half_written_file(tmp_path, suffix, keep):
         System.load(path)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"camera": {"width": 160.7}},
+        {"camera": {"distorsion": []}},
+        {"z_far": 3},
+        {"projector": 3},
+    ],
+)
+def test_system_files_hold_what_they_must_and_no_more(tmp_path, change):
+    path = tmp_path / "system.json"
+    table2().save(path)
+    data = json.loads(path.read_text())
+    for key, value in change.items():
+        data[key] = {**data[key], **value} if isinstance(value, dict) else value
+    path.write_text(json.dumps(data))
+    with pytest.raises(ValueError, match="holds camera, projector"):
+        System.load(path)
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "system.json"
+    table2().save(path)
+    before = path.read_text()
+
+    def full_disk(self, data):
+        self.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
+    with pytest.raises(OSError, match="No space"):
+        table2(160).save(path)
+    assert path.read_text() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["system.json"]
+    with pytest.raises(FileNotFoundError, match="its folder .* does not exist"):
+        table2().save(tmp_path / "none" / "system.json")
+
+
 def test_missing_and_foreign_files(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such system file"):
         System.load(tmp_path / "none.json")
@@ -162,7 +202,9 @@ K = camera_matrix(900, 640, 480)
         ({"R": np.diag([1.0, 1, -1])}, "det"),
         ({"t": (1, 2)}, r"t \(2,\)"),
         ({"distortion": (0.1, 0.2)}, "2 distortion coefficients"),
-        ({"width": 0}, "0 x 480 pixels"),
+        ({"width": 0}, "width 0 given"),
+        ({"width": 640.5}, "width 640.5 given"),
+        ({"height": "480"}, "height '480' given"),
     ],
 )
 def test_degenerate_pinholes(change, says):

@@ -93,6 +93,9 @@ def test_plain_light(sphere_view):
     [
         ({"noise": -1.0, "seed": 0}, "noise -1.0 given"),
         ({"noise": 1.0}, "without a seed"),
+        ({"noise": 1.0, "seed": -1}, "seed -1 given"),
+        ({"noise": 1.0, "seed": 1.5}, "seed 1.5 given"),
+        ({"gain": np.inf}, "gain inf"),
         ({"gain": 0}, "gain 0"),
         ({"gamma": -1}, "gamma -1"),
         ({"ambient": -1}, "ambient -1"),
@@ -110,5 +113,7 @@ def test_bad_views():
     image = np.ones((4, 4), np.float32)
     with pytest.raises(ValueError, match="needs one"):
         View(image, image, image, np.ones((4, 5)), image > 0)
+    with pytest.raises(ValueError, match="NaN or infinite values inside the mask"):
+        View(np.full((4, 4), np.nan), image, image, image, image > 0)
     with pytest.raises(ValueError, match="no fringe"):
         flat().frames(())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from array_api_compat import is_numpy_array
 
 from fpputil.decoding import phase, unwrap
 from fpputil.optics.fringes import Fringe
@@ -51,9 +52,10 @@ def decode(
     Parameters
     ----------
     frames : (N, H, W) array or sequence of N (H, W) arrays
-        The frames of the fringes, one after the other; integers or floats.
-    fringes : sequence of P Fringe
-        Pitches descending, the first covering the projector.
+        The frames of the fringes, one after the other; integers or floats. A sequence is
+        copied into one array first.
+    fringes : Fringe or sequence of P Fringe
+        Pitches descending, the first covering the projector; all along one axis.
     width : float
         Projector columns (rows for horizontal fringes).
     threshold : float
@@ -72,13 +74,21 @@ def decode(
         On a wrong number of frames, mixed sizes or dtypes, NaN, pitches that do not descend or
         do not cover the projector, or if no pixel is left in the mask.
     """
+    fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
     pitches = [f.pitch for f in fringes]
     unwrap.check_pitches(fringes, pitches)
     start = unwrap.unit_start(pitches[0], width)
     frames = phase.check_frames(frames, sum(f.steps for f in fringes))
+    if len({f.axis for f in fringes}) > 1:
+        raise ValueError(
+            f"fringes along {[f.axis for f in fringes]} given; one decoding takes one axis"
+        )
+    if not is_numpy_array(frames):
+        raise ValueError("torch tensors given; decode takes NumPy, the equations take either")
     if frames.ndim != 3:
         raise ValueError(f"frames of shape {frames.shape} given; a decoder takes (N, H, W)")
-    if frames.dtype == np.float64:
+    if frames.dtype.kind == "f" and frames.dtype.itemsize >= 8:
+        frames = frames.astype(np.float64, copy=False)
         result = _by_equations(frames, fringes, pitches, width, threshold)
     else:
         result = _by_kernel(frames, fringes, pitches, start, threshold)

@@ -10,6 +10,8 @@ import numpy as np
 import trimesh
 from scipy.optimize import least_squares
 
+from fpputil.checks import write_whole
+from fpputil.optics.meshes import check_mesh
 from fpputil.optics.system import System
 
 
@@ -24,7 +26,8 @@ def triangulate(column: np.ndarray, system: System) -> np.ndarray:
     Parameters
     ----------
     column : (H, W) array
-        Projector column seen by each camera pixel, pixels; NaN outside the mask.
+        Projector column seen by each camera pixel, pixels; NaN outside the mask. Rows, from
+        horizontal fringes, are not triangulated here.
     system : System
         Camera and projector; lens distortion of both is honoured.
 
@@ -32,7 +35,7 @@ def triangulate(column: np.ndarray, system: System) -> np.ndarray:
     -------
     (H, W, 3) float64 array
         World coordinates, mm; NaN where the column is NaN, where ray and plane are parallel,
-        or where they meet behind the camera.
+        where they meet behind the camera, or where a lens distorts too much to follow.
 
     Raises
     ------
@@ -48,24 +51,39 @@ def triangulate(column: np.ndarray, system: System) -> np.ndarray:
         )
     rays = camera.rays()
     if not projector.distortion.any():
-        x = (column - projector.K[0, 2]) / projector.K[0, 0]
-        return _meet(x, rays, camera.centre, projector)
-    row = np.full_like(column, (projector.height - 1) / 2)
-    for _ in range(10):  # the row bends the plane of light a little, and follows from the point
-        local = projector.rays(np.stack([column, row], -1)) @ projector.R.T
-        points = _meet(local[..., 0], rays, camera.centre, projector)
-        row = projector.project(points)[..., 1]
+        planes = projector.P[0] - column[..., None] * projector.P[2]
+        return _meet(planes, rays, camera.centre)
+    points = np.full(rays.shape, np.nan)
+    known = np.isfinite(column)
+    points[known] = _meet_bent(column[known], rays[known], camera.centre, projector)
     return points
 
 
-def _meet(x, rays, centre, projector) -> np.ndarray:
-    """Intersect rays from the centre with planes x = local_x / local_z of the projector."""
-    normal = projector.R[0] - x[..., None] * projector.R[2]
-    offset = projector.t[0] - x * projector.t[2]
+def _meet(planes, rays, centre) -> np.ndarray:
+    """Intersect rays (..., 3) from the centre with planes (..., 4): n x + d = 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = -(normal @ centre + offset) / np.sum(normal * rays, axis=-1)
+        slope = np.sum(planes[..., :3] * rays, axis=-1)
+        scale = -(planes[..., :3] @ centre + planes[..., 3]) / slope
     scale = np.where((scale > 0) & np.isfinite(scale), scale, np.nan)
     return centre + scale[..., None] * rays
+
+
+def _meet_bent(column, rays, centre, projector, rounds: int = 50) -> np.ndarray:
+    """Points of columns (P,) that lens distortion bends; NaN where no point is found.
+
+    The row decides how far the plane of light is bent, and follows from the point.
+    """
+    pose = np.column_stack([projector.R, projector.t])
+    row = np.full_like(column, (projector.height - 1) / 2)
+    for _ in range(rounds):
+        local = projector.rays(np.stack([column, row], -1)) @ projector.R.T
+        points = _meet(pose[0] - local[..., :1] * pose[2], rays, centre)
+        moved = projector.project(points)
+        settled = np.abs(moved[:, 1] - row) < 1e-7
+        row = moved[:, 1]
+        if settled[np.isfinite(row)].all():
+            break
+    return np.where(settled[:, None], points, np.nan)
 
 
 def depth_of(points: np.ndarray, system: System) -> np.ndarray:
@@ -91,6 +109,8 @@ class PhaseHeight:
 
     def height(self, Phi: np.ndarray) -> np.ndarray:
         """Height, (H, W), mm, of an absolute phase (H, W)."""
+        if np.shape(Phi) != self.centre.shape:
+            raise ValueError(f"phase of shape {np.shape(Phi)} given; {self.centre.shape} is needed")
         x = (Phi - self.centre) / self.scale
         return np.polynomial.polynomial.polyval(x, self.coefficients, tensor=False)
 
@@ -112,7 +132,9 @@ def fit_phase_height(Phi: np.ndarray, heights, degree: int = 1) -> PhaseHeight:
     ValueError
         If there are fewer planes than coefficients.
     """
-    heights = np.asarray(heights, np.float64)
+    heights, Phi = np.asarray(heights, np.float64), np.asarray(Phi, np.float64)
+    if not np.isfinite(heights).all():
+        raise ValueError(f"heights {heights.tolist()} given; all must be finite")
     if Phi.ndim != 3 or len(Phi) != len(heights) or len(heights) <= degree or degree < 1:
         raise ValueError(
             f"{len(heights)} heights, phases of shape {Phi.shape} and degree {degree} given; "
@@ -131,7 +153,7 @@ def fit_phase_height(Phi: np.ndarray, heights, degree: int = 1) -> PhaseHeight:
 def point_cloud(points: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
     """The finite points of (H, W, 3) inside the mask as (P, 3), mm, in row order."""
     keep = np.isfinite(points).all(axis=-1)
-    keep = keep if mask is None else keep & mask
+    keep = keep if mask is None else keep & np.asarray(mask, bool)
     if not keep.any():
         raise ValueError("no finite point inside the mask given; a cloud needs at least one")
     return points[keep]
@@ -179,14 +201,20 @@ def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = Non
     path = Path(path)
     if path.suffix != ".ply":
         raise ValueError(f"{path.name} given; a point cloud file ends in .ply")
-    if not isinstance(geometry, trimesh.Trimesh):
-        geometry = np.asarray(geometry)
-        if geometry.ndim != 2 or geometry.shape[1] != 3 or not np.isfinite(geometry).all():
-            raise ValueError(f"points of shape {geometry.shape} given; they are (P, 3) and finite")
-        geometry = trimesh.PointCloud(geometry, colours)
-    partial = path.with_name(path.name + ".part")
-    partial.write_bytes(geometry.export(file_type="ply"))
-    os.replace(partial, path)
+    if isinstance(geometry, trimesh.Trimesh):
+        check_mesh(geometry, "mesh")
+        if colours is not None:
+            raise ValueError("colours with a mesh given; they belong to points (P, 3)")
+    else:
+        points = _finite_points(geometry, 1)
+        colours = None if colours is None else np.asarray(colours)
+        if colours is not None and (colours.shape != points.shape or colours.dtype != np.uint8):
+            raise ValueError(
+                f"colours of shape {colours.shape} and dtype {colours.dtype} given; "
+                f"{points.shape} points take as many uint8 colours"
+            )
+        geometry = trimesh.PointCloud(points, colours)
+    write_whole(path, geometry.export(file_type="ply"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +270,7 @@ def fit_plane(points: np.ndarray) -> Plane:
 def _finite_points(points, least):
     points = np.asarray(points, np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < least:
-        raise ValueError(f"points of shape {points.shape} given; a fit needs (P, 3), P >= {least}")
+        raise ValueError(f"points of shape {points.shape} given; (P, 3) is needed, P >= {least}")
     if not np.isfinite(points).all():
         raise ValueError("points with NaN given; take those inside the mask")
     return points

@@ -6,6 +6,9 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 from scipy.special import ndtr
 
+from fpputil.checks import positive
+from fpputil.decoding.unwrap import check_pitches
+
 
 def phase_sigma(noise, modulation, steps: int):
     """sigma_phi = sqrt(2/N) sigma / B: the phase noise of N-step phase shifting. Chapter 3.
@@ -72,8 +75,16 @@ def order_error_rate(noise: float, modulation: float, steps, pitches, points: in
     -------
     float
         Between 0 and 1.
+
+    Raises
+    ------
+    ValueError
+        If noise or modulation is not positive, or steps and pitches do not pair or descend.
     """
-    steps = (steps,) * len(pitches) if np.isscalar(steps) else tuple(steps)
+    positive("noise", noise, "grey levels")
+    positive("modulation", modulation, "grey levels")
+    steps = (steps,) * len(pitches) if np.ndim(steps) == 0 else tuple(steps)
+    check_pitches(steps, pitches)
     error = np.linspace(-np.pi, np.pi, points)
     laws = [phase_density(error, float(phase_sigma(noise, modulation, n))) for n in steps]
     right, wrong = laws[0], 0.0

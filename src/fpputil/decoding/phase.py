@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from array_api_compat import array_namespace, is_numpy_array
+from array_api_compat import array_namespace, is_array_api_obj, is_numpy_array
 
 THRESHOLD = 8.0  # grey levels of modulation, the paper's choice below Eq. 16
 
@@ -24,17 +24,15 @@ def numerator_denominator(frames):
     Returns
     -------
     M, D : (...) arrays
-        float64 for integer frames, otherwise the dtype of the frames.
+        float32 for float32 frames, float64 for all others.
 
     Raises
     ------
     ValueError
         If there are fewer than 3 frames, mixed sizes or dtypes, or NaN.
     """
-    frames = check_frames(frames)
+    frames = _floats(check_frames(frames))
     xp = array_namespace(frames)
-    if not xp.isdtype(frames.dtype, "real floating"):
-        frames = xp.astype(frames, xp.float64)
     steps = frames.shape[0]
     delta = 2 * math.pi * xp.arange(steps, dtype=frames.dtype) / steps
     M = xp.tensordot(xp.sin(delta), frames, axes=1)
@@ -54,11 +52,8 @@ def modulation(M, D, steps: int):
 
 def average(frames):
     """I', the mean of the frames over the steps: the picture without fringes (Eq. 2)."""
-    frames = check_frames(frames)
-    xp = array_namespace(frames)
-    if not xp.isdtype(frames.dtype, "real floating"):
-        frames = xp.astype(frames, xp.float64)
-    return xp.mean(frames, axis=0)
+    frames = _floats(check_frames(frames))
+    return array_namespace(frames).mean(frames, axis=0)
 
 
 def mask(modulation_high, threshold: float = THRESHOLD):
@@ -76,6 +71,10 @@ def check_frames(frames, steps: int | None = None):
     steps : int, optional
         Number of frames required; by default at least 3.
     """
+    parts = frames if isinstance(frames, list | tuple) else [frames]
+    if not all(is_array_api_obj(f) for f in parts):
+        kind = type(next(f for f in parts if not is_array_api_obj(f))).__name__
+        raise ValueError(f"frames of type {kind} given; they are NumPy arrays or torch tensors")
     if isinstance(frames, list | tuple):
         shapes = {tuple(f.shape) for f in frames}
         dtypes = {str(f.dtype) for f in frames}
@@ -98,6 +97,13 @@ def check_frames(frames, steps: int | None = None):
     if xp.isdtype(frames.dtype, "real floating") and not _finite(xp, frames):
         raise ValueError("frames with NaN or infinite pixels given; mask them or photograph again")
     return frames
+
+
+def _floats(frames):
+    """Frames of another dtype than float32 and float64 as float64."""
+    xp = array_namespace(frames)
+    exact = frames.dtype in (xp.float32, xp.float64)
+    return frames if exact else xp.astype(frames, xp.float64)
 
 
 def _finite(xp, frames) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from array_api_compat import array_namespace
 
+from fpputil.checks import positive
 from fpputil.decoding.depth import depth_of, triangulate
 from fpputil.decoding.unwrap import TWO_PI, absolute, fringe_order
 from fpputil.optics.system import System
@@ -42,7 +43,12 @@ def minimum_phase(
     ------
     ValueError
         If the measuring range is longer than one period at some pixel.
+
+    Notes
+    -----
+    Points outside the measuring range may get a wrong order without a sign of it.
     """
+    positive("pitch", pitch, "projector pixels")
     near, far = (_phase_at(system, z, pitch) for z in (system.z_min, system.z_max))
     span = np.abs(far - near)
     if not ambiguous and np.nanmax(span) >= TWO_PI:
@@ -66,7 +72,8 @@ def depth_range(system: System, pitch: float, z: float) -> np.ndarray:
     Returns
     -------
     (H, W) float64 array
-        Infinite where the column never moves by a whole pitch.
+        Infinite where the column never moves by a whole pitch. Whether the projector lights
+        the pixel at all is not asked.
     """
     start = system.columns_at(z)
     way = np.sign(system.columns_at(z + 1) - start)

@@ -11,6 +11,8 @@ import math
 import numpy as np
 from array_api_compat import array_namespace
 
+from fpputil.checks import not_negative, positive
+
 TWO_PI = 2 * math.pi
 
 
@@ -57,6 +59,8 @@ def unit_phase(phi, pitch: float, width: float):
 
 def unit_start(pitch: float, width: float) -> float:
     """Phase, radians, at which the period of `unit_phase` begins."""
+    positive("width", width, "projector columns")
+    positive("pitch", pitch, "projector pixels")
     if pitch < width:
         raise ValueError(
             f"pitch {pitch} on {width} columns given; the first pitch must cover the whole "
@@ -75,7 +79,7 @@ def guard_columns(sigma_phi: float, width: float) -> float:
     width : float
         Projector columns.
     """
-    return 5 * sigma_phi * width / TWO_PI
+    return 5 * not_negative("sigma_phi", sigma_phi, "radians") * width / TWO_PI
 
 
 def mf_tpu(phis, pitches, width: float):
@@ -131,14 +135,28 @@ def mw_tpu(phis, pitches, width: float):
     -------
     list of P (...) arrays
         Absolute phases, radians, in the order given.
+
+    Raises
+    ------
+    ValueError
+        If the numbers differ, the pitches do not ascend, or their last beat does not cover
+        the projector.
     """
-    check_pitches(phis, [-p for p in pitches])
+    check_pitches(phis, pitches, "ascend")
+    try:
+        return _by_beats(phis, pitches, width)
+    except ValueError as error:
+        raise ValueError(f"pitches {list(pitches)} given; of their beats: {error}") from error
+
+
+def _by_beats(phis, pitches, width):
+    check_pitches(phis, pitches, "ascend")
     if len(phis) == 1:
         return [unit_phase(phis[0], pitches[0], width)]
     beats = [beat(a, b) for a, b in zip(pitches, pitches[1:], strict=False)]
     order = np.argsort(beats)
     differences = [wrap(phis[j] - phis[j + 1]) for j in order]
-    coarse = mw_tpu(differences, [beats[j] for j in order], width)
+    coarse = _by_beats(differences, [beats[j] for j in order], width)
     ref, Phi_ref = beats[order[0]], coarse[0]  # the shortest beat carries the least noise
     pairs = zip(phis, pitches, strict=True)
     return [absolute(phi, fringe_order(phi, Phi_ref, ref / pitch)) for phi, pitch in pairs]
@@ -214,7 +232,7 @@ def spatial(phi, mask):
     phi : (H, W) array
         Wrapped phase, radians.
     mask : (H, W) bool array
-        Pixels to unwrap.
+        Pixels to unwrap; those whose phase is NaN are left out.
 
     Returns
     -------
@@ -223,17 +241,19 @@ def spatial(phi, mask):
     """
     from skimage.restoration import unwrap_phase
 
-    if not np.any(mask):
-        raise ValueError("empty mask given; spatial unwrapping needs at least one pixel")
-    hidden = np.ma.array(np.where(mask, phi, 0), mask=~np.asarray(mask))
+    seen = np.asarray(mask, bool) & np.isfinite(phi)
+    if not seen.any():
+        raise ValueError("empty mask given; spatial unwrapping needs at least one finite pixel")
+    hidden = np.ma.array(np.where(seen, phi, 0), mask=~seen)
     return np.ma.filled(unwrap_phase(hidden, rng=0).astype(np.float64), np.nan)
 
 
-def check_pitches(phis, pitches) -> None:
-    """ValueError unless there are as many pitches as phases, and they descend."""
+def check_pitches(phis, pitches, order: str = "descend") -> None:
+    """ValueError unless there are as many positive pitches as phases, in strict order."""
     if len(phis) != len(pitches) or not len(phis):
         raise ValueError(f"{len(phis)} phases and {len(pitches)} pitches given; pair them")
-    if any(b >= a for a, b in zip(pitches, pitches[1:], strict=False)):
-        shown = [abs(p) for p in pitches]
-        order = "descend" if pitches[0] > 0 else "ascend"
-        raise ValueError(f"pitches {shown} given; they must {order} strictly")
+    for pitch in pitches:
+        positive("pitch", pitch, "projector pixels")
+    down = pitches if order == "descend" else pitches[::-1]
+    if any(b >= a for a, b in zip(down, down[1:], strict=False)):
+        raise ValueError(f"pitches {list(pitches)} given; they must {order} strictly")

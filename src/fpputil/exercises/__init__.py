@@ -65,7 +65,7 @@ def accepts(key: str, answer) -> bool:
     test = _find(key).accepts
     try:
         return bool(test(answer))
-    except (TypeError, ValueError, AttributeError, IndexError, KeyError):
+    except (TypeError, ValueError, AttributeError, LookupError, ArithmeticError):
         return False
 
 

@@ -11,7 +11,7 @@ def focal_length(answer):
     return close(answer, 12 * 640 / 6.4)
 
 
-@exercise("2.2", "f x / z + c_u and f y / z + c_v; pixel centres lie at integers, v grows down.")
+@exercise("2.2", "f x'/z' + c_u and f y'/z' + c_v; pixel centres lie at integers, v grows down.")
 def pixel(answer):
     return close(answer, preset("paper").system.camera.project([20.0, -10.0, 660.0]), 0.05, 0)
 

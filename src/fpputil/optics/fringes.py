@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 from scipy.special import ndtr
+
+from fpputil.checks import not_negative, positive, whole
 
 WHITE = 255.0
 
@@ -35,6 +38,7 @@ class Fringe:
         True keeps one intensity over each projector pixel; False is a continuous slide.
     defocus : float
         Standard deviation of the Gaussian blur in projector pixels; it acts on the pixel grid.
+        The pattern is taken to go on beyond the projector's border.
 
     Raises
     ------
@@ -51,23 +55,18 @@ class Fringe:
     defocus: float = 0.0
 
     def __post_init__(self):
-        if not (np.isfinite(self.pitch) and self.pitch > 0):
+        positive("pitch", self.pitch, "projector pixels")
+        if not isinstance(self.steps, Integral) or self.steps < 3:
             raise ValueError(
-                f"pitch {self.pitch} given; a fringe pitch is a positive number of projector pixels"
-            )
-        if int(self.steps) != self.steps or self.steps < 3:
-            raise ValueError(
-                f"{self.steps} steps given; average, modulation and phase are three unknowns, "
-                "so phase shifting needs at least 3 steps"
+                f"{self.steps!r} steps given; average, modulation and phase are three unknowns, "
+                "so phase shifting needs a whole number of 3 steps or more"
             )
         if self.axis not in ("column", "row"):
             raise ValueError(f"axis {self.axis!r} given; fringes vary along 'column' or 'row'")
-        if not (np.isfinite(self.gamma) and self.gamma > 0):
-            raise ValueError(f"gamma {self.gamma} given; a projector gamma is positive")
-        if self.levels is not None and (int(self.levels) != self.levels or self.levels < 2):
-            raise ValueError(f"{self.levels} levels given; a projector has at least 2 grey levels")
-        if not (np.isfinite(self.defocus) and self.defocus >= 0):
-            raise ValueError(f"defocus {self.defocus} given; it is a blur of 0 or more pixels")
+        positive("gamma", self.gamma)
+        if self.levels is not None:
+            whole("levels", self.levels, 2)
+        not_negative("defocus", self.defocus, "pixels")
 
     @property
     def shifts(self) -> np.ndarray:
@@ -156,8 +155,8 @@ def fringe_set(pitches: Iterable[float], steps: int | Iterable[int] = 15, **opti
     >>> [f.pitch for f in fringe_set((912, 114, 15))]
     [912, 114, 15]
     """
-    pitches = tuple(pitches)
-    each = (steps,) * len(pitches) if np.isscalar(steps) else tuple(steps)
+    pitches = tuple(np.atleast_1d(pitches).tolist())
+    each = (steps,) * len(pitches) if np.ndim(steps) == 0 else tuple(steps)
     if not pitches or len(each) != len(pitches):
         raise ValueError(
             f"{len(pitches)} pitches and {len(each)} step counts given; "

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from fpputil.checks import whole
+
 
 @dataclass(frozen=True, eq=False)
 class Pinhole:
@@ -59,7 +61,10 @@ class Pinhole:
         return self.K @ np.column_stack([self.R, self.t])
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels of world points; NaN for points not in front of the pinhole.
+        """Pixels of world points; NaN for points that the pinhole cannot see.
+
+        Those are the points not in front of it, and those so far off its axis that the
+        distortion would fold them back into the image.
 
         Parameters
         ----------
@@ -77,9 +82,8 @@ class Pinhole:
             xy = local[..., :2] / local[..., 2:]
         xy = np.where(local[..., 2:] > 0, xy, np.nan)
         if self.distortion.any():
-            flat = np.ascontiguousarray(local.reshape(-1, 3))
-            lens, _ = cv2.projectPoints(flat, np.zeros(3), np.zeros(3), np.eye(3), self.distortion)
-            xy = np.where(np.isfinite(xy), lens.reshape(xy.shape), np.nan)
+            bent = self._bend(xy)
+            xy = np.where(_apart(self._unbend(bent), xy), np.nan, bent)
         return xy @ self.K[:2, :2].T + self.K[:2, 2]
 
     def rays(self, pixels: np.ndarray | None = None) -> np.ndarray:
@@ -93,16 +97,36 @@ class Pinhole:
         Returns
         -------
         (..., 3) float64 array
-            ``centre + s * rays`` are the points seen at the pixels.
+            ``centre + s * rays`` are the points seen at the pixels; NaN for pixels that the
+            distortion leaves without a ray.
         """
         pixels = self.grid() if pixels is None else np.asarray(pixels, np.float64)
         xy = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
         if self.distortion.any():
-            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
-            flat = np.ascontiguousarray(xy.reshape(-1, 1, 2))
-            lens = cv2.undistortPointsIter(flat, np.eye(3), self.distortion, None, None, criteria)
-            xy = lens.reshape(xy.shape)
+            straight = self._unbend(xy)
+            xy = np.where(_apart(self._bend(straight), xy), np.nan, straight)
         return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) @ self.R
+
+    def _bend(self, xy):
+        """Distort normalised coordinates (..., 2); NaN stays NaN."""
+        out = np.full(xy.shape, np.nan)
+        known = np.isfinite(xy).all(axis=-1)
+        if known.any():
+            flat = np.column_stack([xy[known], np.ones(known.sum())])
+            zero = np.zeros(3)
+            out[known] = cv2.projectPoints(flat, zero, zero, np.eye(3), self.distortion)[0][:, 0]
+        return out
+
+    def _unbend(self, xy):
+        """Undistort normalised coordinates (..., 2); NaN stays NaN."""
+        out = np.full(xy.shape, np.nan)
+        known = np.isfinite(xy).all(axis=-1)
+        if known.any():
+            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+            flat, eye = np.ascontiguousarray(xy[known][:, None]), np.eye(3)
+            lens = cv2.undistortPointsIter(flat, eye, self.distortion, None, None, criteria)
+            out[known] = lens[:, 0]
+        return out
 
     def grid(self) -> np.ndarray:
         """Pixel centres u, v, shape (H, W, 2)."""
@@ -116,6 +140,12 @@ class Pinhole:
         return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
 
 
+def _apart(a, b):
+    """True, (..., 1), where normalised coordinates (..., 2) differ or are unknown."""
+    with np.errstate(invalid="ignore"):
+        return ~(np.abs(a - b).max(axis=-1, keepdims=True) < 1e-6)
+
+
 def camera_matrix(focal: float, width: int, height: int) -> np.ndarray:
     """K with square pixels and the principal point in the middle, (3, 3), pixels."""
     return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
@@ -126,8 +156,8 @@ def _check_pinhole(p: Pinhole) -> None:
         raise ValueError(
             f"K {p.K.shape}, R {p.R.shape}, t {p.t.shape} given; they are (3, 3), (3, 3) and (3,)"
         )
-    if p.width < 1 or p.height < 1:
-        raise ValueError(f"{p.width} x {p.height} pixels given; a sensor has at least one pixel")
+    whole("width", p.width, 1)
+    whole("height", p.height, 1)
     if not all(np.isfinite(a).all() for a in (p.K, p.R, p.t, p.distortion)):
         raise ValueError("NaN or infinite camera parameters given; all must be finite")
     if not (p.K[0, 0] > 0 and p.K[1, 1] > 0 and np.allclose(p.K[2], (0, 0, 1)) and p.K[1, 0] == 0):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from fpputil.checks import not_negative, positive, whole
+from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.system import System
 from fpputil.optics.view import View
@@ -17,26 +19,44 @@ from fpputil.optics.view import View
 Albedo = float | np.ndarray | Callable[[np.ndarray], np.ndarray]
 
 
-def bvh(mesh: trimesh.Trimesh) -> EmbreeScene:
-    """Embree's tree over the faces of a mesh; build it once, cast many views.
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """A mesh as Embree's tree: build it once, cast many views.
+
+    Parameters
+    ----------
+    vertices : (V, 3) array
+        World coordinates, mm.
+    faces : (F, 3) array
+        Vertices of each triangle.
+    scene : EmbreeScene
+        The tree over them.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    scene: EmbreeScene
+
+
+def bvh(mesh: trimesh.Trimesh) -> Tree:
+    """Embree's tree over the faces of a mesh, a bounding volume hierarchy.
+
+    Embree works in float32: keep the world's origin near the rig.
 
     Raises
     ------
     ValueError
         If the mesh has no faces or has vertices that are not finite.
     """
-    if len(mesh.faces) == 0:
-        raise ValueError("mesh with 0 faces given; ray casting needs at least one triangle")
-    if not np.isfinite(mesh.vertices).all():
-        raise ValueError("mesh with NaN or infinite vertices given; all must be finite")
+    check_mesh(mesh, "mesh")
+    vertices, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces)
     scene = EmbreeScene()
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     TriangleMesh(scene, vertices.astype(np.float32), faces.astype(np.int32))
-    return scene
+    return Tree(vertices, faces, scene)
 
 
 def raycast(
-    mesh: trimesh.Trimesh,
+    mesh: trimesh.Trimesh | Tree,
     system: System,
     *,
     albedo: Albedo = 0.9,
@@ -44,7 +64,6 @@ def raycast(
     shininess: float = 30.0,
     white_at: float = 400.0,
     supersample: int = 1,
-    scene: EmbreeScene | None = None,
 ) -> View:
     """See a mesh through a system: one ray a pixel, one shadow ray back to the projector.
 
@@ -53,8 +72,8 @@ def raycast(
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh
-        Vertices in world coordinates, mm.
+    mesh : trimesh.Trimesh or Tree
+        Vertices in world coordinates, mm; the result of ``bvh(mesh)`` if several views share it.
     system : System
         Camera and projector.
     albedo : float, (F,) array or callable
@@ -66,8 +85,6 @@ def raycast(
         Distance from the projector, mm, at which a white face square to the light reads 255.
     supersample : int
         s casts s x s rays a pixel, so that pixels on an edge mix what they see.
-    scene : EmbreeScene, optional
-        The result of ``bvh(mesh)``, if several views share it.
 
     Returns
     -------
@@ -76,31 +93,40 @@ def raycast(
     Raises
     ------
     ValueError
-        If the mesh is empty or not finite, lies outside the view, or no pixel of it is lit.
+        If the mesh is empty or not finite, lies outside the view, or no pixel of it is lit;
+        if the albedo has a wrong shape or is not finite, or another option is out of range.
+
+    Notes
+    -----
+    The measuring range of the system is not asked: what lies outside it is seen all the same.
     """
-    if int(supersample) != supersample or supersample < 1:
-        raise ValueError(f"supersample {supersample} given; it is a whole number of 1 or more")
-    scene = bvh(mesh) if scene is None else scene
+    whole("supersample", supersample, 1)
+    not_negative("specular", specular)
+    positive("shininess", shininess)
+    positive("white_at", white_at, "mm")
+    tree = mesh if isinstance(mesh, Tree) else bvh(mesh)
     look = {"albedo": albedo, "specular": specular, "shininess": shininess, "white_at": white_at}
-    view = _cast(mesh, system, scene, **look)
+    view = _cast(tree, system, **look)
     if supersample == 1:
         return view
     finer = replace(system, camera=_finer(system.camera, supersample))
-    return replace(view, fine=_cast(mesh, finer, scene, **look))
+    return replace(view, fine=_cast(tree, finer, **look))
 
 
-def _cast(mesh, system, scene, albedo, specular, shininess, white_at) -> View:
+def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
     camera, projector = system.camera, system.projector
     rays = camera.rays().reshape(-1, 3)
-    face = _run(scene, camera.centre, rays, "INTERSECT")
+    hit = np.flatnonzero(np.isfinite(rays[:, 0]))
+    face = np.full(len(rays), -1)
+    face[hit] = _run(tree.scene, camera.centre, rays[hit], "INTERSECT")
     hit = np.flatnonzero(face >= 0)
     if hit.size == 0:
-        low, high = mesh.bounds.round(1).tolist()
+        low, high = (f(tree.vertices, axis=0).round(1).tolist() for f in (np.min, np.max))
         raise ValueError(
             f"mesh from {low} to {high} mm given; it lies outside the view of the camera"
         )
     rays, face = rays[hit], face[hit]
-    corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)[face]]
+    corners = tree.vertices[tree.faces[face]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     facing = _dot(normal, rays)
@@ -113,11 +139,11 @@ def _cast(mesh, system, scene, albedo, specular, shininess, white_at) -> View:
     cosine = -_dot(normal, beam) / distance
     pixel = projector.project(points)
     lit = (facing < 0) & (cosine > 0) & projector.inside(pixel)
-    lit[lit] = _run(scene, projector.centre, beam[lit], "OCCLUDED", 1 - 2e-4) < 0
+    lit[lit] = _run(tree.scene, projector.centre, beam[lit], "OCCLUDED", 1 - 2e-4) < 0
     hit, face, points, normal, pixel = (a[lit] for a in (hit, face, points, normal, pixel))
     beam, distance, cosine, rays = (a[lit] for a in (beam, distance, cosine, rays))
 
-    shade = _albedo(albedo, points, face) * cosine
+    shade = _albedo(albedo, points, face, len(tree.faces)) * cosine
     if specular:
         half = -_unit(_unit(beam) + _unit(rays))
         shade = shade + specular * np.clip(_dot(normal, half), 0, 1) ** shininess
@@ -142,10 +168,20 @@ def _run(scene, origin, directions, query, far=None) -> np.ndarray:
     return scene.run(origins, directions.astype(np.float32), far, query=query)
 
 
-def _albedo(albedo: Albedo, points, face) -> np.ndarray:
-    if callable(albedo):
-        return np.asarray(albedo(points), np.float64)
-    return np.asarray(albedo, np.float64) if np.ndim(albedo) == 0 else np.asarray(albedo)[face]
+def _albedo(albedo: Albedo, points, face, faces: int) -> np.ndarray:
+    value = np.asarray(albedo(points) if callable(albedo) else albedo, np.float64)
+    needed = [(len(points),)] if callable(albedo) else [(), (faces,)]
+    if value.shape not in needed:
+        raise ValueError(
+            f"albedo of shape {value.shape} given; it is a number, one for each of the {faces} "
+            "faces, or a function of points (P, 3) that returns (P,)"
+        )
+    value = value[face] if value.shape == (faces,) and not callable(albedo) else value
+    if not (np.isfinite(value).all() and (value >= 0).all()):
+        raise ValueError(
+            "albedo with NaN, infinite or negative values given; all must be 0 or more"
+        )
+    return value
 
 
 def _finer(camera: Pinhole, s: int) -> Pinhole:

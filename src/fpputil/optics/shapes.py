@@ -11,6 +11,7 @@ import trimesh
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from fpputil.checks import positive, seeded, whole
 from fpputil.optics.meshes import check_mesh, genus, load_mesh
 from fpputil.optics.parts import FAMILIES, part
 from fpputil.optics.parts.stock import outline, to_mesh
@@ -56,7 +57,9 @@ def sphere(
     -----
     Chapters 2 and 6; the paper measures a sphere of radius 100 mm.
     """
-    mesh = trimesh.creation.icosphere(subdivisions, _positive("radius", radius))
+    mesh = trimesh.creation.icosphere(
+        whole("subdivisions", subdivisions, 0), positive("radius", radius, "mm")
+    )
     mesh.apply_translation(_point("centre", centre))
     return mesh
 
@@ -81,9 +84,9 @@ def plane(z: float, half_width: float = 300.0, half_height: float | None = None)
     -----
     Chapters 2 and 6.
     """
-    w = _positive("half_width", half_width)
-    h = _positive("half_height", 0.75 * w if half_height is None else half_height)
-    z = _positive("z", z)
+    w = positive("half_width", half_width, "mm")
+    h = positive("half_height", 0.75 * w if half_height is None else half_height, "mm")
+    z = positive("z", z, "mm")
     return trimesh.Trimesh(
         [(-w, -h, z), (w, -h, z), (w, h, z), (-w, h, z)], [(0, 2, 1), (0, 3, 2)], process=False
     )
@@ -120,10 +123,10 @@ def step_block(
     -----
     Chapter 6.
     """
-    heights = np.array([_positive("heights", h) for h in np.ravel(heights)])
+    heights = np.array([positive("heights", h, "mm") for h in np.ravel(heights)])
     if len(heights) == 0:
         raise ValueError("no heights given; a step block needs at least one step")
-    width, length = _positive("width", width), _positive("length", length)
+    width, length = positive("width", width, "mm"), positive("length", length, "mm")
     x = np.repeat((np.arange(len(heights) + 1) - len(heights) / 2) * width, 2)
     stairs = outline(np.c_[x, np.r_[0, np.repeat(heights, 2), 0]]).extrude(length)
     mesh = to_mesh(stairs.rotate((-90, 0, 0)))  # x, height, y -> x, y, -z
@@ -196,7 +199,8 @@ def place(
     turn = np.eye(3) if rotation is None else _rotation_matrix(rotation)
     offset = mesh.vertices - mesh.bounds.mean(axis=0)
     diameter = 2 * np.linalg.norm(offset, axis=1).max()
-    scale = 1.0 if size is None else _positive("size", size) / _positive("mesh diameter", diameter)
+    positive("mesh diameter", diameter, "mm")
+    scale = 1.0 if size is None else positive("size", size, "mm") / diameter
     vertices = scale * offset @ turn.T + _point("centre", centre)
     return trimesh.Trimesh(vertices, mesh.faces, process=False)
 
@@ -221,7 +225,7 @@ def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
     -----
     Chapter 2.
     """
-    rng = np.random.default_rng(seed)
+    rng = seeded(seed)
     directions = rng.normal(size=(6, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     waves = 2 * np.pi * directions / rng.uniform(60.0, 250.0, (6, 1))
@@ -233,12 +237,6 @@ def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
 def _albedo(points, waves, phases, low, high) -> np.ndarray:
     veins = np.sin(0.5 * np.sin(np.asarray(points) @ waves.T + phases).sum(axis=-1))
     return low + (high - low) * (1 + veins) / 2
-
-
-def _positive(name: str, value: float) -> float:
-    if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name} {value} given; a positive number of mm is needed")
-    return float(value)
 
 
 def _point(name: str, value: ArrayLike) -> np.ndarray:

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fpputil.checks import write_whole
 from fpputil.optics.pinhole import Pinhole, camera_matrix
 
 
@@ -59,9 +60,7 @@ class System:
         """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
         path = Path(path)
         text = _to_yaml(self) if _is_yaml(path) else json.dumps(_to_dict(self), indent=2) + "\n"
-        partial = path.with_name(path.name + ".part")
-        partial.write_text(text)
-        os.replace(partial, path)
+        write_whole(path, text.encode())
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> System:
@@ -72,7 +71,10 @@ class System:
         try:
             read = _from_yaml if _is_yaml(path) else json.loads
             return _from_dict(read(path.read_text()))
-        except (KeyError, TypeError, ValueError, cv2.error, SystemError) as error:
+        except (
+            *(KeyError, TypeError, ValueError, OverflowError, RecursionError),
+            *(SystemError, cv2.error),  # OpenCV's parser
+        ) as error:
             raise ValueError(
                 f"{path} given; a system file holds camera, projector, z_min and z_max whole "
                 f"({type(error).__name__}: {error})"
@@ -150,10 +152,17 @@ def _to_dict(system: System) -> dict:
 
 def _from_dict(data: dict) -> System:
     def pinhole(p):
-        return Pinhole(int(p["width"]), int(p["height"]), p["K"], p["R"], p["t"], p["distortion"])
+        _same_keys(p, ("width", "height", "K", "R", "t", "distortion"))
+        return Pinhole(**p)
 
+    _same_keys(data, ("camera", "projector", "z_min", "z_max"))
     camera, projector = pinhole(data["camera"]), pinhole(data["projector"])
     return System(camera, projector, float(data["z_min"]), float(data["z_max"]))
+
+
+def _same_keys(given: dict, needed: tuple) -> None:
+    if not isinstance(given, dict) or set(given) != set(needed):
+        raise ValueError(f"entries {sorted(given)} found, {sorted(needed)} needed")
 
 
 def _to_yaml(system: System) -> str:
@@ -178,8 +187,9 @@ def _from_yaml(text: str) -> dict:
             if key.endswith("_distortion"):
                 return []
             raise KeyError(key)
-        matrix = None if node.isReal() or node.isInt() else node.mat()
-        return node.real() if matrix is None else matrix.squeeze()
+        if node.isInt():
+            return int(node.real())
+        return node.real() if node.isReal() else node.mat().squeeze()
 
     names = ("width", "height", "K", "R", "t", "distortion")
     pinholes = {k: {n: value(f"{k}_{n}") for n in names} for k in ("camera", "projector")}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fpputil.checks import not_negative, positive, seeded
 from fpputil.optics.fringes import WHITE, Fringe
 
 
@@ -36,14 +37,18 @@ class View:
     fine: View | None = None
 
     def __post_init__(self):
+        object.__setattr__(self, "mask", np.asarray(self.mask, bool))
         shapes = {np.shape(a) for a in (self.column, self.row, self.shade, self.depth, self.mask)}
         if len(shapes) != 1 or len(next(iter(shapes))) != 2:
             raise ValueError(f"arrays of shapes {sorted(shapes)} given; a view needs one (H, W)")
         if not np.any(self.mask):
             raise ValueError(
                 "view with an empty mask given; at least one pixel must be seen and lit "
-                "(is the object inside the measuring range and facing the projector?)"
+                "(is the object in both images, and does it face the projector?)"
             )
+        values = (self.column, self.row, self.shade, self.depth)
+        if not all(np.isfinite(np.asarray(a)[self.mask]).all() for a in values):
+            raise ValueError("NaN or infinite values inside the mask given; all must be finite")
 
     def frames(
         self,
@@ -96,7 +101,7 @@ class View:
         number = sum(f.steps for f in fringes)
         out = np.empty((number, *self.mask.shape), np.uint8 if quantise else np.float64)
         dtype = np.float32 if quantise else np.float64
-        rng = np.random.default_rng(seed)
+        rng = seeded(seed) if noise else None
         top = np.inf if saturation is None else saturation
         top = min(top, WHITE) if quantise else top
         n = 0
@@ -156,14 +161,11 @@ def _block_mean(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 def _check_camera(noise, seed, gain, ambient, gamma, saturation):
-    if not (np.isfinite(noise) and noise >= 0):
-        raise ValueError(f"noise {noise} given; it is a standard deviation of 0 or more levels")
+    not_negative("noise", noise, "grey levels")
     if noise and seed is None:
         raise ValueError(f"noise {noise} without a seed given; random draws need a seed")
-    if not (gain > 0 and gamma > 0 and ambient >= 0):
-        raise ValueError(
-            f"gain {gain}, gamma {gamma}, ambient {ambient} given; gain and gamma are positive "
-            "and ambient light is not negative"
-        )
-    if saturation is not None and not saturation > 0:
-        raise ValueError(f"saturation {saturation} given; a sensor clips at a positive level")
+    positive("gain", gain)
+    positive("gamma", gamma)
+    not_negative("ambient", ambient, "grey levels")
+    if saturation is not None:
+        positive("saturation", saturation, "grey levels")

@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
+from fpputil.checks import seeded
 from fpputil.optics.parts import milled, turned
 from fpputil.optics.parts.stock import to_mesh
 
@@ -56,13 +57,13 @@ def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
     Raises
     ------
     ValueError
-        If ``family`` is not in `FAMILIES`.
+        If ``family`` is not in `FAMILIES`, or the seed is no whole number of 0 or more.
 
     Notes
     -----
     Chapter 2.
     """
-    rng = np.random.default_rng(seed)
+    rng = seeded(seed)
     drawn = list(FAMILIES)[rng.integers(len(FAMILIES))]
     family = drawn if family is None else family
     if family not in FAMILIES:

@@ -1,0 +1,50 @@
+"""Checks of input that every room shares, and files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from numbers import Integral, Real
+from pathlib import Path
+
+import numpy as np
+
+
+def positive(name: str, value, unit: str = "") -> float:
+    """The value as a float; ValueError unless it is a finite number above 0."""
+    if not (isinstance(value, Real) and np.isfinite(value) and value > 0):
+        of = f" of {unit}" if unit else ""
+        raise ValueError(f"{name} {value!r} given; a positive number{of} is needed")
+    return float(value)
+
+
+def not_negative(name: str, value, unit: str = "") -> float:
+    """The value as a float; ValueError unless it is a finite number of 0 or more."""
+    if not (isinstance(value, Real) and np.isfinite(value) and value >= 0):
+        of = f" of {unit}" if unit else ""
+        raise ValueError(f"{name} {value!r} given; a number{of}, 0 or more, is needed")
+    return float(value)
+
+
+def whole(name: str, value, least: int) -> int:
+    """The value as an int; ValueError unless it is a whole number of `least` or more."""
+    if not (isinstance(value, Integral) and not isinstance(value, bool) and value >= least):
+        raise ValueError(f"{name} {value!r} given; a whole number of {least} or more is needed")
+    return int(value)
+
+
+def seeded(seed) -> np.random.Generator:
+    """A generator from a seed; ValueError unless the seed is a whole number of 0 or more."""
+    return np.random.default_rng(whole("seed", seed, 0))
+
+
+def write_whole(path: str | os.PathLike, data: bytes) -> None:
+    """Write a file whole or not at all: nothing half-written stays, whatever fails."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path} given; its folder {path.parent} does not exist")
+    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        partial.write_bytes(data)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
