@@ -11,8 +11,10 @@ VENV := .venv
 BIN  := $(VENV)/bin
 CHAPTERS := $(wildcard chapters/[0-9]*.ipynb) book/index.ipynb
 CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
-# The stamp is named after all that decides what is installed.
-STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo '$(BLENDER) $(TORCH)'; } | cksum | cut -d' ' -f1)
+# The environment belongs to one Python and one folder; the stamp is named after all that
+# decides what is installed.
+HOME_IS := $(shell "$(PYTHON)" -c 'import sys; print(sys.version_info[:3])' 2>/dev/null) $(CURDIR)
+STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo '$(BLENDER) $(TORCH) $(HOME_IS)'; } | cksum | cut -d' ' -f1)
 
 .PHONY: help book test pages lab bench lint format lock clean install
 
@@ -43,7 +45,7 @@ bench: install .venv-peer ## compare speeds, side by side with a peer package
 	$(BIN)/python -m benchmarks --peer .venv-peer/bin/python
 
 .venv-peer: # `fringes` needs another OpenCV than ours
-	$(PYTHON) -m venv $@.part
+	"$(PYTHON)" -m venv $@.part
 	$@.part/bin/python -m pip install -q fringes==2.1.0
 	mv $@.part $@
 
@@ -69,11 +71,12 @@ clean: ## remove everything built, but not .venv
 install: $(STAMP)
 
 $(STAMP):
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || \
+	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || \
 	  { echo "$(PYTHON) is missing or not 3.11 to 3.13; name another: make PYTHON=/path/to/python3.11" >&2; exit 1; }
-	@test -x $(BIN)/pip || $(PYTHON) -c 'import ensurepip' 2>/dev/null || \
+	@"$(PYTHON)" -c 'import ensurepip' 2>/dev/null || \
 	  { echo "$(PYTHON) cannot make environments; on Debian: apt install python3-venv" >&2; exit 1; }
-	@test -x $(BIN)/pip || $(PYTHON) -m venv --clear $(VENV)
+	@grep -qsxF '$(HOME_IS)' $(VENV)/.home || { "$(PYTHON)" -m venv --clear $(VENV) && echo '$(HOME_IS)' > $(VENV)/.home; }
+	@rm -f $(VENV)/.installed-*
 	@echo "To be downloaded, unless pip has it already (sizes are approximate):"
 	@echo "  0.5 GB  the packages of requirements.lock (2.1 GB installed)"
 	@$(if $(filter 0,$(BLENDER)),echo "  0 GB    Blender's bpy is left out (BLENDER=0)",\
@@ -86,5 +89,4 @@ $(STAMP):
 	$(if $(filter 0,$(BLENDER)),$(BIN)/pip uninstall -q -y bpy)
 	$(BIN)/pip install -r $(VENV)/install.lock
 	$(BIN)/pip install --no-deps --no-build-isolation -e .
-	@rm -f $(VENV)/.installed-*
 	@touch $@

@@ -18,7 +18,8 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective, SphinxRole
 
 LOGGER = logging.getLogger(__name__)
-RUNTIMES = "book/runtimes.json"
+RUNTIMES = "_build/runtimes.json"  # of the last build here; before there is one:
+SHIPPED_RUNTIMES = "book/runtimes.json"
 WORDS_A_MINUTE = 150  # technical prose, read with the figures
 SOURCES = ("src", "data", "requirements.lock")
 
@@ -96,8 +97,10 @@ def rounded(seconds: float) -> int:
 
 
 def read_runtimes(root: Path) -> dict:
-    path = root / RUNTIMES
-    return json.loads(path.read_text()) if path.exists() else {}
+    for path in (root / RUNTIMES, root / SHIPPED_RUNTIMES):
+        if path.exists():
+            return json.loads(path.read_text())
+    return {}
 
 
 def record_runtimes(app, env):
@@ -110,6 +113,7 @@ def record_runtimes(app, env):
             runtimes[docname] = rounded(measured["runtime"])
     if runtimes != before:
         path = Path(app.srcdir, RUNTIMES)
+        path.parent.mkdir(exist_ok=True)
         partial = path.with_suffix(".part")
         partial.write_text(json.dumps(runtimes, indent=2, sort_keys=True) + "\n")
         partial.replace(path)

@@ -68,9 +68,9 @@ def test_stored_outputs_are_rendered_without_executing(book):
 
 
 def test_the_run_time_is_recorded_and_shown(book):
-    (book / "book/runtimes.json").unlink(missing_ok=True)
+    (book / "_build/runtimes.json").unlink(missing_ok=True)
     assert build(book).returncode == 0
-    assert (book / "book/runtimes.json").exists()
+    assert (book / "_build/runtimes.json").exists()
     assert "not measured" not in (book / "_build/html/one.html").read_text()
 
 
