@@ -8,7 +8,12 @@ from fpputil.decoding import phase, unwrap
 from fpputil.decoding.decoder import decode
 from fpputil.optics.fringes import Fringe, fringe_set
 
-SETS = {"three": ((912, 114, 15), 15), "two": ((912, 24), (3, 7)), "four": ((912, 304, 114, 24), 5)}
+SETS = {
+    "three": ((912, 114, 15), 15),
+    "two": ((912, 24), (3, 7)),
+    "even": ((912, 24), (4, 8)),
+    "four": ((912, 304, 114, 24), 5),
+}
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.int32])
@@ -40,6 +45,22 @@ def test_any_layout_of_frames(sphere_view, kind):
     got = decode(same, fringes, 912)
     np.testing.assert_allclose(got.Phi, expected.Phi, atol=1e-4)
     assert got.Phi.dtype == (np.float64 if kind == ">f8" else np.float32)
+
+
+def test_an_earlier_result_is_filled_anew(sphere_view):
+    fringes = fringe_set((912, 114, 24), 5)
+    first, second = (sphere_view.frames(fringes, 1.0, seed) for seed in (0, 1))
+    result = decode(first, fringes, 912)
+    again = decode(second, fringes, 912, out=result)
+    assert again is result
+    for name in ("wrapped", "modulation", "Phi", "mask"):
+        np.testing.assert_array_equal(
+            getattr(again, name), getattr(decode(second, fringes, 912), name)
+        )
+    with pytest.raises(ValueError, match="out of shape"):
+        decode(second[:, ::2], fringes, 912, out=result)
+    with pytest.raises(ValueError, match="out with float64"):
+        decode(second.astype(float), fringes, 912, out=result)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 683), (2, 1024), (1, 2049), (64, 65)])
