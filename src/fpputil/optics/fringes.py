@@ -58,7 +58,7 @@ class Fringe:
         positive("pitch", self.pitch, "projector pixels")
         if not isinstance(self.steps, Integral) or self.steps < 3:
             raise ValueError(
-                f"{self.steps!r} steps given; average, modulation and phase are three unknowns, "
+                f"{self.steps} steps given; average, modulation and phase are three unknowns, "
                 "so phase shifting needs a whole number of 3 steps or more"
             )
         if self.axis not in ("column", "row"):
