@@ -20,6 +20,7 @@ import numba
 import numpy as np
 import trimesh
 
+from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycast import raycast
@@ -170,9 +171,7 @@ def main() -> None:
             print(
                 f"  {name:28s} {value:.4g}" if isinstance(value, float) else f"  {name:28s} {value}"
             )
-    partial = options.out.with_suffix(".part")
-    partial.write_text(json.dumps(results, indent=2) + "\n")
-    os.replace(partial, options.out)
+    write_whole(options.out, (json.dumps(results, indent=2) + "\n").encode())
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from fpputil.checks import write_whole
+
 _EGL = "vtkEGLRenderWindow"
 _MEMORY = Path(sys.prefix) / ".fpputil-probe.json"
 _PACKAGES = {
@@ -95,10 +97,8 @@ def main() -> None:
         else:
             print(f"{title}: does not run here; {_FALLBACK[name]}.")
             print(f"  On Debian: apt install {_PACKAGES[name]}")
-    partial = _MEMORY.with_suffix(".part")
     try:
-        partial.write_text(json.dumps(works))
-        partial.replace(_MEMORY)
+        write_whole(_MEMORY, json.dumps(works).encode())
     except OSError:
         pass  # an environment one may not write to: each process tries for itself
 
