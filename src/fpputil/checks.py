@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 from numbers import Integral, Real
 from pathlib import Path
 
@@ -49,7 +50,8 @@ def write_whole(path: str | os.PathLike, data: bytes) -> None:
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path} given; its folder {path.parent} does not exist")
-    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
+    # Two machines that share a folder may have equal process numbers.
+    partial = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
         partial.write_bytes(data)
         os.replace(partial, path)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from fpputil.optics import shapes
+from fpputil.optics import meshes, shapes
+from fpputil.optics import parts as machine
 
 SEEDS = range(3)
 GENUS = {  # what each family's docstring promises
@@ -94,6 +95,13 @@ def test_parts_from_seeds_alone():
 def test_seed_chooses_the_family(parts):
     chosen = digest(shapes.part(2))
     assert sum(digest(family[2]) == chosen for family in parts.values()) == 1
+
+
+def test_family_of():
+    for seed in range(20):
+        assert digest(shapes.part(seed)) == digest(shapes.part(seed, machine.family_of(seed)))
+    with pytest.raises(ValueError, match="seed -1 given"):
+        machine.family_of(-1)
 
 
 def test_unknown_family():
@@ -234,13 +242,20 @@ def test_texture(seed):
     assert np.abs(albedo(points + np.eye(3)[0]) - values).max() < 0.15, "smooth"
 
 
-FORMATS = ["stl", "obj", "ply", "off", "glb"]
+FORMATS = ["stl", "obj", "ply", "off", "glb", "npz"]
+
+
+def write(path, mesh):
+    if path.suffix == ".npz":
+        np.savez_compressed(path, vertices=mesh.vertices, facets=mesh.faces.astype(np.int32))
+    else:
+        mesh.export(path)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_load_mesh(tmp_path, suffix):
     mesh = shapes.part(3, "conrod")
-    mesh.export(tmp_path / f"part.{suffix}")
+    write(tmp_path / f"part.{suffix}", mesh)
     read = shapes.load_mesh(tmp_path / f"part.{suffix}")
     assert type(read) is trimesh.Trimesh
     assert read.volume == pytest.approx(mesh.volume, rel=1e-4)
@@ -257,10 +272,10 @@ def test_load_scene_as_one_mesh(tmp_path):
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.7, 0.99])
-@pytest.mark.parametrize("suffix", ["stl", "ply", "off", "glb"])
+@pytest.mark.parametrize("suffix", ["stl", "ply", "off", "glb", "npz"])
 def test_half_written_file(tmp_path, suffix, kept):
     path = tmp_path / f"half.{suffix}"
-    shapes.part(0, "conrod").export(path)
+    write(path, shapes.part(0, "conrod"))
     whole = path.read_bytes()
     path.write_bytes(whole[: int(kept * len(whole))])
     with pytest.raises(ValueError, match=rf"half\.{suffix}.*(needed|needs)"):
@@ -274,7 +289,7 @@ def test_half_written_file(tmp_path, suffix, kept):
         ("noend", "x", "ends in ''"),
         ("a.ply", "not a mesh", "a.ply cannot be read .*a whole file is needed"),
         ("a.obj", "v 0 0 0\nv 1 0 0\n", "a.obj has no faces; a mesh needs at least one triangle"),
-        ("a.xyz", "0 0 0\n1 1 1\n", "a.xyz has no faces"),
+        ("a.xyz", "0 0 0\n1 1 1\n", "ends in 'xyz'; the mesh formats read here are"),
         (
             "a.off",
             "OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n",
@@ -294,3 +309,72 @@ def test_no_file_no_network(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FileNotFoundError, match="is not a file; a mesh file is needed"):
         shapes.load_mesh(name)
+
+
+def test_load_npz(tmp_path):
+    mesh = shapes.part(3, "conrod")
+    write(tmp_path / "part.npz", mesh)
+    assert digest(shapes.load_mesh(tmp_path / "part.npz")) == digest(mesh)
+
+
+@pytest.mark.parametrize(
+    "arrays, given",
+    [
+        ({"vertices": np.eye(3)}, "facets"),
+        ({"vertices": np.eye(3), "facets": np.array([(0.0, 1.0, 2.0)])}, "of float64; .* whole"),
+        ({"vertices": np.eye(3), "facets": np.array([(0, 1, 2, 0)])}, r"facets \(1, 4\)"),
+        ({"vertices": np.eye(3)[:, :2], "facets": np.array([(0, 1, 2)])}, r"vertices \(3, 2\)"),
+        ({"vertices": np.eye(3), "facets": np.zeros((0, 3), int)}, "has no faces"),
+        ({"vertices": np.eye(3), "facets": np.array([(0, 1, 9)])}, "faces on vertices 0 to 9"),
+    ],
+)
+def test_unfit_npz(tmp_path, arrays, given):
+    np.savez(tmp_path / "part.npz", **arrays)
+    with pytest.raises(ValueError, match=f"part.npz .*{given}"):
+        shapes.load_mesh(tmp_path / "part.npz")
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.ply", "a.off", "a.glb", "a.npz", "A.OBJ", "a.stl"])
+def test_counts_without_loading(tmp_path, name):
+    mesh, path = shapes.part(3, "conrod"), tmp_path / name
+    write(path, mesh)
+    vertices = 0 if name == "a.stl" else len(mesh.vertices)
+    assert meshes.counts(path) == (vertices, len(mesh.faces))
+
+
+def test_counts_of_text(tmp_path):
+    mesh = trimesh.creation.icosphere(6)  # 16 MB of STL: many blocks
+    text = mesh.export(file_type="stl_ascii")
+    for name, written in {
+        "a.stl": text,
+        "b.stl": text.upper(),
+        "c.stl": text.replace("\n", "\r"),
+    }.items():
+        (tmp_path / name).write_text(written)
+        assert meshes.counts(tmp_path / name) == (0, 81920)
+    for k in range(40):  # a word that ends a block, or goes on in the next, counts once
+        (tmp_path / "d.stl").write_text(" " * (2**20 - k) + "vertex " * (3 + 2 * (k % 2)))
+        assert meshes.counts(tmp_path / "d.stl") == (0, 1)
+    polygons = "v 0 0 0\nv 1 0 0\nvn 0 0 1\nv 1 1 0\nv 0 1 0\nf 1//1 2//1 3//1 4//1\nf 1 2 3\nfoo\n"
+    (tmp_path / "a.obj").write_text(polygons)
+    assert meshes.counts(tmp_path / "a.obj") == (4, 3)
+
+
+def test_counts_each_copy_in_a_scene(tmp_path):
+    scene = trimesh.Scene()
+    for x in range(3):
+        move = trimesh.transformations.translation_matrix((5 * x, 0, 0))
+        scene.add_geometry(trimesh.creation.box(), geom_name="box", transform=move)
+    scene.export(tmp_path / "three.glb")
+    (tmp_path / "gltf").mkdir()
+    for name, data in scene.export(file_type="gltf").items():
+        (tmp_path / "gltf" / name).write_bytes(data)
+    for path in (tmp_path / "three.glb", tmp_path / "gltf" / "model.gltf"):
+        assert meshes.counts(path) == (len(shapes.load_mesh(path).vertices), 36)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.glb", "a.gltf"])
+def test_counts_of_a_header_that_is_none(tmp_path, name):
+    (tmp_path / name).write_text("not a mesh")
+    with pytest.raises(ValueError, match=f"{name} cannot be read .*a whole file is needed"):
+        meshes.counts(tmp_path / name)

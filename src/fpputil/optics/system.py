@@ -59,7 +59,7 @@ class System:
     def save(self, path: str | os.PathLike) -> None:
         """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
         path = Path(path)
-        text = _to_yaml(self) if _is_yaml(path) else json.dumps(_to_dict(self), indent=2) + "\n"
+        text = _to_yaml(self) if _is_yaml(path) else json.dumps(to_dict(self), indent=2) + "\n"
         write_whole(path, text.encode())
 
     @classmethod
@@ -70,7 +70,7 @@ class System:
             raise FileNotFoundError(f"{path} given; there is no such system file")
         try:
             read = _from_yaml if _is_yaml(path) else json.loads
-            return _from_dict(read(path.read_text()))
+            return from_dict(read(path.read_text()))
         except (
             *(KeyError, TypeError, ValueError, OverflowError, RecursionError),
             *(SystemError, cv2.error),  # OpenCV's parser
@@ -137,7 +137,9 @@ def _is_yaml(path: Path) -> bool:
     return path.suffix != ".json"
 
 
-def _to_dict(system: System) -> dict:
+def to_dict(system: System) -> dict:
+    """A system as plain numbers, as JSON holds it."""
+
     def pinhole(p):
         arrays = {k: getattr(p, k).tolist() for k in ("K", "R", "t", "distortion")}
         return {"width": p.width, "height": p.height, **arrays}
@@ -150,7 +152,9 @@ def _to_dict(system: System) -> dict:
     }
 
 
-def _from_dict(data: dict) -> System:
+def from_dict(data: dict) -> System:
+    """The system that `to_dict` took apart; KeyError, TypeError or ValueError if not whole."""
+
     def pinhole(p):
         _same_keys(p, ("width", "height", "K", "R", "t", "distortion"))
         return Pinhole(**p)
@@ -167,7 +171,7 @@ def _same_keys(given: dict, needed: tuple) -> None:
 
 def _to_yaml(system: System) -> str:
     store = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    for key, value in _to_dict(system).items():
+    for key, value in to_dict(system).items():
         if not isinstance(value, dict):
             store.write(key, value)
             continue

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fpputil.checks import not_negative, positive, seeded
 from fpputil.optics.fringes import WHITE, Fringe
+
+CACHED = 2**17  # pixels of several steps, if they are few, are worked on together
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,7 @@ class View:
         noise: float = 0.0,
         seed: int | None = None,
         *,
+        steps: Sequence[int] | None = None,
         gain: float = 1.0,
         ambient: float = 0.0,
         gamma: float = 1.0,
@@ -72,6 +75,8 @@ class View:
             Standard deviation of the Gaussian read noise, grey levels.
         seed : int, optional
             Seed of the noise; needed if ``noise > 0``.
+        steps : sequence of int, optional
+            Which steps of each fringe to photograph; all by default.
         gain : float
             Exposure: factor on the light.
         ambient : float
@@ -98,15 +103,16 @@ class View:
         _check_camera(noise, seed, gain, ambient, gamma, saturation)
         if not fringes:
             raise ValueError("no fringe given; a photograph needs at least one pattern")
-        number = sum(f.steps for f in fringes)
+        which = [_which(f, steps) for f in fringes]
+        number = sum(len(w) for w in which)
         out = np.empty((number, *self.mask.shape), np.uint8 if quantise else np.float64)
         dtype = np.float32 if quantise else np.float64
         rng = seeded(seed) if noise else None
         top = np.inf if saturation is None else saturation
         top = min(top, WHITE) if quantise else top
         n = 0
-        for fringe in fringes:
-            for light in self._lights(fringe, dtype):
+        for fringe, chosen in zip(fringes, which, strict=True):
+            for light in self._lights(fringe, chosen, dtype):
                 if gain != 1:
                     light *= dtype(gain)
                 if ambient:
@@ -121,8 +127,8 @@ class View:
                     np.clip(light, lowest, top, out=light)
                 if quantise:
                     np.rint(light, out=light)
-                out[n] = light
-                n += 1
+                out[n : n + len(light)] = light
+                n += len(light)
         return out
 
     def plain(self, **camera) -> np.ndarray:
@@ -130,34 +136,46 @@ class View:
         white = Fringe(1e12, 3)  # a period so long that step 0 is white over the whole field
         return self.frames(white, **camera)[0]
 
-    def _lights(self, fringe: Fringe, dtype) -> Iterator[np.ndarray]:
-        """Light of each step at each pixel, before the camera, (H, W)."""
+    def _lights(self, fringe: Fringe, which: Sequence[int], dtype) -> Iterator[np.ndarray]:
+        """Light of the chosen steps at each pixel, before the camera, some (S, H, W) at a time."""
         if self.fine is not None:
-            for light in self.fine._lights(fringe, dtype):
-                yield _block_mean(light, self.mask.shape)
+            for light in self.fine._lights(fringe, which, dtype):
+                yield _block_mean(light, (len(light), *self.mask.shape))
             return
         coordinate = self.column if fringe.axis == "column" else self.row
         shade = self.shade.astype(dtype)
         coordinate = np.where(self.mask, coordinate, 0).astype(np.float64)
         if not fringe.ideal:
-            for n in range(fringe.steps):
-                yield (shade * fringe.intensity(coordinate, n)).astype(dtype)
+            for n in which:
+                yield (shade * fringe.intensity(coordinate, n)).astype(dtype)[None]
             return
         phase = np.remainder(fringe.phase(coordinate), 2 * np.pi).astype(dtype)
         half = shade * dtype(WHITE / 2)
         cosine, sine = half * np.cos(phase), half * np.sin(phase)
-        work = np.empty_like(half)
-        for delta in fringe.shifts:
-            light = cosine * dtype(np.cos(delta))
+        at_once = max(1, CACHED // half.size)
+        for first in range(0, len(which), at_once):
+            delta = fringe.shifts[list(which[first : first + at_once])]
+            light = np.multiply.outer(np.cos(delta).astype(dtype), cosine)
             light += half
-            np.multiply(sine, dtype(np.sin(delta)), out=work)
-            light -= work
+            light -= np.multiply.outer(np.sin(delta).astype(dtype), sine)
             yield light
 
 
-def _block_mean(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    h, w = shape
-    return image.reshape(h, image.shape[0] // h, w, image.shape[1] // w).mean(axis=(1, 3))
+def _which(fringe: Fringe, steps: Sequence[int] | None) -> Sequence[int]:
+    if steps is None:
+        return range(fringe.steps)
+    if not len(steps) or not all(n in range(fringe.steps) for n in steps):
+        raise ValueError(
+            f"steps {list(steps)} given; a fringe of {fringe.steps} steps has steps 0 to "
+            f"{fringe.steps - 1}, and a photograph needs one"
+        )
+    return steps
+
+
+def _block_mean(images: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
+    s, h, w = shape
+    fine = images.shape
+    return images.reshape(s, h, fine[1] // h, w, fine[2] // w).mean(axis=(2, 4))
 
 
 def _check_camera(noise, seed, gain, ambient, gamma, saturation):

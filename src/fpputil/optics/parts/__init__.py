@@ -38,6 +38,17 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
 }
 
 
+def family_of(seed: int) -> str:
+    """The family that part number ``seed`` belongs to, without making the part.
+
+    Raises
+    ------
+    ValueError
+        If the seed is no whole number of 0 or more.
+    """
+    return _drawn(seeded(seed))
+
+
 def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
     """Machine part number ``seed``, a closed mesh about 120 mm long, centred on the origin.
 
@@ -64,10 +75,14 @@ def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
     Chapter 2.
     """
     rng = seeded(seed)
-    drawn = list(FAMILIES)[rng.integers(len(FAMILIES))]
+    drawn = _drawn(rng)
     family = drawn if family is None else family
     if family not in FAMILIES:
         raise ValueError(f"family {family!r} given; the families are {', '.join(FAMILIES)}")
     mesh = to_mesh(FAMILIES[family](rng))
     mesh.apply_translation(-mesh.bounds.mean(axis=0))
     return mesh
+
+
+def _drawn(rng: np.random.Generator) -> str:
+    return list(FAMILIES)[rng.integers(len(FAMILIES))]

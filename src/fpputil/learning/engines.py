@@ -1,0 +1,88 @@
+"""Running the same function over many jobs: here, in processes, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import get_context
+
+from fpputil.checks import whole
+
+PATIENCE = 10  # seconds that a scheduler has to answer
+
+
+def run(
+    function: Callable, jobs: Sequence[tuple], workers: int = 1, scheduler: str | None = None
+) -> Iterator:
+    """Results of ``function(*job)`` as they are done, in any order.
+
+    Parameters
+    ----------
+    function : callable
+        Importable by name, so that other processes find it.
+    jobs : sequence of tuple
+        Arguments of each call.
+    workers : int
+        Processes; 1 works in this one.
+    scheduler : str, optional
+        Address of a Dask scheduler, as in "tcp://host:8786". Its workers do the work instead,
+        and a job whose worker dies goes to another.
+
+    Raises
+    ------
+    RuntimeError
+        If a worker was ended from outside, or the scheduler cannot be reached.
+    """
+    whole("workers", workers, 1)
+    if not jobs:
+        return
+    if workers == 1 and scheduler is None:
+        yield from (function(*job) for job in jobs)
+        return
+    with _processes(workers) if scheduler is None else _cluster(scheduler) as executor:
+        futures = [executor.submit(function, *job) for job in jobs]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except BrokenProcessPool:
+            raise RuntimeError(
+                "a worker process was ended from outside (is the memory full?); "
+                "what is finished stays, and the same command goes on"
+            ) from None
+        finally:  # on an error or Ctrl-C, jobs in flight end and the others never start
+            for future in futures:
+                future.cancel()
+
+
+@contextmanager
+def _processes(workers: int) -> Iterator[Executor]:
+    # Spawned, not forked: Embree, BLAS and Zarr have threads that a fork would cut in half.
+    with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupts) as pool:
+        yield pool
+
+
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches every process of a terminal; only the first of them answers it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise RuntimeError(
+            f"scheduler {address} given; Dask is missing: pip install 'fpputil[cluster]'"
+        ) from None
+    try:
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise RuntimeError(
+            f"scheduler {address} given; it does not answer ({error}); start one with: "
+            "dask scheduler"
+        ) from error
+    with client:
+        yield client.get_executor(retries=3)

@@ -1,0 +1,230 @@
+"""SynthFringe for torch: photographs, and what a network should make of them (chapter 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.utils.data import Dataset
+
+from fpputil.checks import not_negative, positive, whole
+from fpputil.decoding import phase
+from fpputil.decoding.reference import minimum_phase, refined_reference, zmin_order
+from fpputil.decoding.unwrap import TWO_PI, mf_tpu
+from fpputil.learning.layout import FREQUENCIES, STEPS
+from fpputil.learning.store import Store, open_store
+from fpputil.optics.fringes import Fringe
+from fpputil.optics.view import View
+
+Frame = tuple[str, int, int]
+"""A photograph by name: frequency, number of steps, which step. ("high", 4, 2) is shifted by pi."""
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """What a camera may do to a photograph, each drawn anew for every view and epoch.
+
+    Parameters
+    ----------
+    gain : (low, high)
+        Exposure; it acts on the photographs and on the modulation behind the mask.
+    noise : (low, high)
+        Standard deviation of the read noise, grey levels.
+    gamma : (low, high)
+        Camera response.
+    """
+
+    gain: tuple[float, float] = (1.0, 1.0)
+    noise: tuple[float, float] = (0.0, 0.0)
+    gamma: tuple[float, float] = (1.0, 1.0)
+
+    def __post_init__(self):
+        for name, check in (("gain", positive), ("noise", not_negative), ("gamma", positive)):
+            low, high = getattr(self, name)
+            if check(name, low) > check(name, high):
+                raise ValueError(f"{name} from {low} to {high} given; the lower bound comes first")
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """Options of one camera for `View.frames`."""
+        camera = {k: float(rng.uniform(*getattr(self, k))) for k in ("gain", "noise", "gamma")}
+        return {**camera, "seed": int(rng.integers(2**53))}
+
+
+class SynthFringe(Dataset):
+    """One split of a dataset: photographs, targets and truth of each view. Chapter 7.
+
+    Every item is a dict of torch tensors, pixels outside the mask 0, nothing NaN:
+
+    ============ ============ ======= =========================================================
+    frames       (F, H, W)    float32 photographs, 0 to 1 by the extremes of the training split
+    M, D         (4, H, W)    float32 ``-sin(phi)`` and ``cos(phi)`` of `FREQUENCIES`
+    M_r, D_r     (H, W)       float32 the same of the refined reference (Eq. 11)
+    phi_r        (H, W)       float32 refined reference, radians
+    Phi          (H, W)       float32 absolute phase of the high pitch by MF-TPU, radians
+    Phi_true     (H, W)       float32 the same from the geometry, radians
+    depth        (H, W)       float32 mm
+    modulation   (H, W)       float32 of the high pitch, grey levels
+    mask         (H, W)       bool    modulation above the threshold (Eq. 16), and lit
+    index, model ()           int64   number of the view and of its model in the dataset
+    ============ ============ ======= =========================================================
+
+    The targets are decoded from noiseless 8-bit frames of 15 steps, as in the paper; the
+    photographs of a dataset that was imported are the imported ones.
+
+    Parameters
+    ----------
+    path : str or Path
+        A finished dataset.
+    split : str
+        "training", "validation", "test" or "held-out".
+    frames : sequence of (frequency, steps, step)
+        What the network is to see; by default step 0 of the high and of the z-min pitch.
+    augmentation : Augmentation, optional
+        Without it the photographs are what the renderer made of them.
+    seed : int
+        Of the augmentation. Equal seeds, epochs and views give equal items, whatever the
+        number of workers.
+    threshold : float
+        Least modulation, grey levels.
+    extremes : (low, high), optional
+        Grey levels that become 0 and 1; by default those of this dataset's training split. A
+        network that was trained on another dataset wants that one's.
+
+    Raises
+    ------
+    ValueError
+        If the dataset is unfinished, damaged or lacks the split, or a frame it does not hold
+        is asked for.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        split: str,
+        frames: Sequence[Frame] = (("high", STEPS, 0), ("zmin", STEPS, 0)),
+        augmentation: Augmentation | None = None,
+        seed: int = 0,
+        threshold: float = phase.THRESHOLD,
+        extremes: tuple[float, float] | None = None,
+    ):
+        self.store: Store = open_store(path)
+        self.indices = self.store.indices(split)
+        self.pitches = self.store.manifest["pitches"]
+        self.extremes = extremes or self.store.manifest["extremes"]
+        if self.extremes is None:
+            raise ValueError(
+                f"{path} has no training split to take the extremes from; give those of the "
+                "dataset that the network was trained on: extremes=(low, high)"
+            )
+        self.frames = tuple((_fringe(self.pitches, f, n), step) for f, n, step in frames)
+        self.augmentation, self.threshold = augmentation or Augmentation(), threshold
+        self.seed = whole("seed", seed, 0)
+        self.Phi_min = minimum_phase(self.store.system, self.pitches["zmin"])
+        self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # workers see it change
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw other augmentations than in the epochs before."""
+        self._epoch.fill_(whole("epoch", epoch, 0))
+
+    def __getitem__(self, number: int) -> dict[str, torch.Tensor]:
+        index = int(self.indices[number])
+        view = self.store.view(index)
+        rng = np.random.default_rng((self.seed, int(self._epoch), index))
+        camera = self.augmentation.draw(rng)
+        stored = self.store.array("frames", index) if self.store.fringes else None
+        item = self._targets(view, stored, camera["gain"])
+        item["frames"] = self._photographs(view, stored, camera)
+        item["index"], item["model"] = index, index // self.store.manifest["settings"]["views"]
+        return {k: torch.as_tensor(v) for k, v in item.items()}
+
+    def _photographs(self, view: View, stored, camera: dict) -> np.ndarray:
+        """What the network sees, (F, H, W) float32."""
+        rng = np.random.default_rng(camera["seed"])
+        shots = []
+        for fringe, step in self.frames:
+            options = camera | {"seed": int(rng.integers(2**53))}
+            if stored is None:
+                shots += list(view.frames(fringe, steps=(step,), **options))
+            else:
+                shots.append(_rephotograph(stored[self.store.position(fringe, step)], **options))
+        low, high = self.extremes
+        return (np.stack(shots).astype(np.float32) - low) / (high - low)
+
+    def _targets(self, view: View, stored, gain: float) -> dict[str, np.ndarray]:
+        """Targets and truth; decoded on the lit pixels alone, which are a fifth of a picture."""
+        lit = view.mask
+        row = (a[lit][None] for a in (view.column, view.row, view.shade, view.depth, lit))
+        flat = View(*row)
+        sums = [self._sums(flat, lit, stored, name, gain) for name in FREQUENCIES]
+        phi = np.stack([phase.wrapped_phase(M, D) for M, D, _ in sums])
+        high, mid, zmin, unit = range(4)
+        M, D, steps = sums[high]
+        modulation = phase.modulation(M, D, steps)
+        p = self.pitches
+        width = self.store.system.projector.width
+        _, Phi_t, Phi = mf_tpu(phi[[unit, mid, high]], (p["unit"], p["mid"], p["high"]), width)
+        K_z = zmin_order(phi[zmin], self.Phi_min[lit].astype(np.float32))
+        phi_r, M_r, D_r = refined_reference(Phi_t, K_z, p["mid"], p["zmin"])
+        seen = phase.mask(modulation, self.threshold)
+        values = {
+            "M": -np.sin(phi),
+            "D": np.cos(phi),
+            "M_r": M_r,
+            "D_r": D_r,
+            "phi_r": phi_r,
+            "Phi": Phi,
+            "Phi_true": TWO_PI * view.column[lit] / p["high"],
+            "depth": view.depth[lit],
+            "modulation": modulation,
+        }
+        images = {k: _image(lit, np.where(seen, v, 0)) for k, v in values.items()}
+        return {**images, "mask": _image(lit, seen)}
+
+    def _sums(self, flat: View, lit, stored, name: str, gain: float):
+        """M, D (P,) of the lit pixels at one frequency, and the number of steps behind them."""
+        if stored is not None:
+            fringe, frames = self._stored_set(stored, self.pitches[name])
+            frames = frames[:, lit]
+        else:
+            fringe = Fringe(self.pitches[name], STEPS)
+            frames = flat.frames(fringe, gain=gain)[:, 0]
+        return *phase.numerator_denominator(frames.astype(np.float32)), fringe.steps
+
+    def _stored_set(self, stored, pitch):
+        first = 0
+        for fringe in self.store.fringes:
+            if fringe.pitch == pitch:
+                return fringe, stored[first : first + fringe.steps]
+            first += fringe.steps
+        raise ValueError(
+            f"pitch {pitch} asked for; {self.store.path} holds photographs of the pitches "
+            f"{[f.pitch for f in self.store.fringes]}"
+        )
+
+
+def _fringe(pitches: dict, name: str, steps: int) -> Fringe:
+    if name not in FREQUENCIES:
+        raise ValueError(f"frequency {name!r} given; the frequencies are {', '.join(FREQUENCIES)}")
+    return Fringe(pitches[name], steps)
+
+
+def _image(lit: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (..., P) of the lit pixels as images (..., H, W), 0 elsewhere."""
+    dtype = bool if values.dtype == bool else np.float32
+    image = np.zeros((*values.shape[:-1], *lit.shape), dtype)
+    image[..., lit] = values
+    return image
+
+
+def _rephotograph(frame: np.ndarray, gain, noise, gamma, seed) -> np.ndarray:
+    """A stored photograph through another camera, uint8."""
+    light = 255 * (np.minimum(gain * frame.astype(np.float32) / 255, 1)) ** np.float32(gamma)
+    if noise:
+        light += noise * np.random.default_rng(seed).standard_normal(light.shape, np.float32)
+    return np.rint(np.clip(light, 0, 255)).astype(np.uint8)
