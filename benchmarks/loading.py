@@ -77,7 +77,8 @@ def training_images_a_second(batch: dict, repeats: int) -> float:
     target = torch.stack([batch["M"][:, 0], batch["D"][:, 0], batch["M_r"], batch["D_r"]], 1)
     h, w = target.shape[-2:]
     for n in range(repeats + 1):
-        start = time.perf_counter() if n == 1 else (start if n else 0)
+        if n <= 1:  # the first step is a warm-up
+            start = time.perf_counter()
         with torch.autocast("cpu", torch.bfloat16, enabled=bfloat16_unit()):
             output = net(frames)[..., :h, :w]
         loss = ((output.float() - target) ** 2).mean()

