@@ -20,11 +20,13 @@ import numba
 import numpy as np
 import trimesh
 
+from benchmarks import cycles
 from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycast import raycast
 from fpputil.optics.system import preset
+from fpputil.probe import blender_works
 
 HERE = Path(__file__).parent
 PITCHES, STEPS, WIDTH = (912, 114, 15), 15, 912
@@ -165,6 +167,10 @@ def main() -> None:
         results["against fringes 1920x1200"] = bench_peer(1200, 1920, options.peer)
     else:
         print("no --peer given: the comparison with `fringes` is left out", file=sys.stderr)
+    if blender_works():
+        results[cycles.TITLE] = cycles.bench_cycles()
+    else:
+        print("Blender does not run here: its comparison is left out", file=sys.stderr)
     for title, row in results.items():
         print(title)
         for name, value in row.items():

@@ -384,8 +384,8 @@ def test_counts_of_a_header_that_is_none(tmp_path, name):
 def test_parts_stay_closed_through_a_file(suffix, tmp_path):
     """Rounded to float32, slivers lose a corner; they are dropped, and the solid stays closed."""
     for seed in range(8):
-        mesh = part(seed)
+        mesh = shapes.part(seed)
         mesh.export(tmp_path / f"part.{suffix}")
-        read = load_mesh(tmp_path / f"part.{suffix}")
+        read = meshes.load_mesh(tmp_path / f"part.{suffix}")
         assert read.is_watertight, (seed, suffix)
         assert abs(read.volume / mesh.volume - 1) < 1e-5
