@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import trimesh
 
@@ -349,3 +350,20 @@ def test_a_worker_that_dies_is_told_of(tmp_path):
 
 def _dies(*job):
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_workers_end_with_their_parent(tmp_path):
+    """Killed outright, a run leaves no process behind that goes on writing."""
+    out = tmp_path / "set"
+    run = subprocess.Popen(command(out, "--models", "60", "--workers", "2"))
+    try:
+        while not list(out.glob("records/*.json")):
+            assert run.poll() is None
+            time.sleep(0.02)
+        workers = psutil.Process(run.pid).children(recursive=True)
+        assert len(workers) >= 2
+    finally:
+        run.kill()
+        run.wait()
+    _, alive = psutil.wait_procs(workers, timeout=20)
+    assert not [p for p in alive if p.status() != psutil.STATUS_ZOMBIE]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 
 from fpputil.checks import whole
 
@@ -60,13 +62,20 @@ def run(
 @contextmanager
 def _processes(workers: int) -> Iterator[Executor]:
     # Spawned, not forked: Embree, BLAS and Zarr have threads that a fork would cut in half.
-    with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupts) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker) as pool:
         yield pool
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the first of them answers it."""
+def _begin_worker() -> None:
+    # Ctrl-C reaches every process of a terminal; only the first of them answers it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for ever; nothing it writes can be half."""
+    parent_process().join()
+    os._exit(1)
 
 
 @contextmanager

@@ -1,0 +1,13 @@
+"""The ray caster's twin: the same scene photographed by Blender's Cycles (chapter 2).
+
+Blender runs in this process, on the processor, as the module ``bpy``; it is imported by the
+first call that needs it. Each call starts it from its factory settings and leaves it empty, so
+calls do not depend on one another, and a Blender scene of your own in this process is lost.
+Where Blender does not run, those that use it raise an ImportError that says why.
+"""
+
+from fpputil.optics.blender.drawing import picture, sheets
+from fpputil.optics.blender.store import stored
+from fpputil.optics.blender.twin import photograph, see
+
+__all__ = ["photograph", "picture", "see", "sheets", "stored"]

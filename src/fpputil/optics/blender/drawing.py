@@ -1,0 +1,147 @@
+"""Pictures of the rig itself, as Blender shows it (chapter 2; the paper's Fig. 6 b)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from matplotlib.colors import to_rgba
+
+from fpputil.checks import positive, whole
+from fpputil.optics.blender import shaders, studio
+from fpputil.optics.fringes import Fringe
+from fpputil.optics.meshes import check_mesh
+from fpputil.optics.pinhole import Pinhole, camera_matrix
+
+
+def picture(
+    bodies: Sequence[tuple[trimesh.Trimesh, object]],
+    look_from,
+    look_at,
+    size: tuple[int, int] = (960, 640),
+    angle: float = 30.0,
+    *,
+    projector: Pinhole | None = None,
+    fringe: Fringe | None = None,
+    white_at: float = 600.0,
+    samples: int = 48,
+) -> np.ndarray:
+    """Picture of bodies in space by daylight, as `fpputil.plotting.bodies` draws it.
+
+    Parameters
+    ----------
+    bodies : sequence of (trimesh.Trimesh, colour)
+        World coordinates, mm; colours as matplotlib takes them. One that is not opaque, such as
+        ``("gold", 0.1)``, makes a veil of light, which shines and throws no shadow.
+    look_from, look_at : (3,) arrays
+        Eye and target, mm. Up in the picture is the world's -y.
+    size : (width, height)
+        Pixels.
+    angle : float
+        Vertical field of view, degrees.
+    projector : Pinhole, optional
+        Throws step 0 of `fringe` on the bodies. A body around the projector's centre, such as
+        its housing or the edges of its light, throws no shadow.
+    fringe : Fringe, optional
+        Needed with a projector.
+    white_at : float
+        Distance from the projector, mm, at which a white face square to the light reads 255.
+    samples : int
+        Of each pixel.
+
+    Returns
+    -------
+    (H, W, 3) uint8 array
+        On white.
+
+    Raises
+    ------
+    ValueError
+        If a body is empty or not finite, or a projector comes without a fringe.
+    ImportError
+        If Blender does not run here.
+
+    Notes
+    -----
+    Chapter 2; the paper's Fig. 6 b.
+    """
+    if not bodies:
+        raise ValueError("no body given; a picture needs at least one")
+    if (projector is None) != (fringe is None):
+        raise ValueError("one of projector and fringe given; a picture needs both or none")
+    if projector is not None:
+        shaders.check_projector(projector)
+        shaders.check_pattern(fringe)
+    eye = _eye(np.asarray(look_from, float), np.asarray(look_at, float), size, angle)
+    with studio.opened(eye, whole("samples", samples, 1)) as (bpy, shoot):
+        studio.set_bounces(bpy, 2)
+        shaders.daylight(bpy, eye, sky=0.3, sun=0.9)
+        for mesh, colour in bodies:
+            _stand(bpy, mesh, colour, None if projector is None else projector.centre)
+        if projector is not None:
+            lamp = shaders.projector(bpy, projector, positive("white_at", white_at, "mm"))
+            shaders.throw(lamp, projector, shaders.pattern(fringe))
+        light = shoot()
+    return _shown(light[..., :3] + (1 - light[..., 3:]))
+
+
+def sheets(projector: Pinhole, pitch: float, reach: float) -> trimesh.Trimesh:
+    """The sheets of light through the brightest columns of a fringe's step 0.
+
+    Parameters
+    ----------
+    projector : Pinhole
+    pitch : float
+        Projector pixels from one sheet to the next.
+    reach : float
+        How far they go along the projector's axis, mm.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        One triangle for each, to be drawn as a veil.
+
+    Notes
+    -----
+    Chapter 2.
+    """
+    columns = np.arange(0, projector.width, positive("pitch", pitch, "projector pixels"))
+    top, bottom = np.full_like(columns, -0.5), np.full_like(columns, projector.height - 0.5)
+    ends = np.stack([np.stack([columns, row], -1) for row in (top, bottom)], axis=1)
+    ends = projector.centre + positive("reach", reach, "mm") * projector.rays(ends)
+    start = np.broadcast_to(projector.centre, (len(columns), 1, 3))
+    corners = np.concatenate([start, ends], axis=1).reshape(-1, 3)
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+
+
+def _eye(look_from, look_at, size, angle) -> Pinhole:
+    """The pinhole of a viewer; up is the world's -y."""
+    forward = (look_at - look_from) / np.linalg.norm(look_at - look_from)
+    right = np.cross([0.0, 1.0, 0.0], forward)
+    right /= np.linalg.norm(right)
+    R = np.stack([right, np.cross(forward, right), forward])
+    focal = size[1] / 2 / np.tan(np.radians(angle) / 2)
+    return Pinhole(*size, camera_matrix(focal, *size), R, -R @ look_from)
+
+
+def _stand(bpy, mesh, colour, lamp) -> None:
+    """Add a body of a colour; it throws no shadow if it is a veil or is around the lamp."""
+    check_mesh(mesh, "mesh")
+    *rgb, alpha = to_rgba(colour)
+    rgb = np.array(rgb)
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    material = shaders.paint(bpy, linear) if alpha == 1 else shaders.veil(bpy, linear, alpha)
+    thing = studio.solid(bpy, mesh.triangles, material)
+    around = lamp is not None and np.all(
+        (mesh.bounds[0] - 1 <= lamp) & (lamp <= mesh.bounds[1] + 1)
+    )
+    thing.visible_shadow = alpha == 1 and not around
+    thing.visible_diffuse = alpha == 1
+
+
+def _shown(linear) -> np.ndarray:
+    """Linear light 0 to 1 as the uint8 of a screen (sRGB)."""
+    x = np.clip(linear, 0, 1)
+    x = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+    return np.rint(255 * x).astype(np.uint8)

@@ -1,0 +1,187 @@
+"""A mesh and a system photographed by Cycles, as the ray caster sees them (chapter 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import trimesh
+
+from fpputil.checks import positive, whole
+from fpputil.optics.blender import shaders, studio
+from fpputil.optics.fringes import WHITE, Fringe
+from fpputil.optics.meshes import check_mesh
+from fpputil.optics.pinhole import Pinhole
+from fpputil.optics.system import System
+from fpputil.optics.view import View
+
+
+def photograph(
+    mesh: trimesh.Trimesh,
+    system: System,
+    fringes: Fringe | Iterable[Fringe],
+    *,
+    albedo: float | np.ndarray = 0.9,
+    white_at: float = 400.0,
+    samples: int = 1,
+    quantise: bool = True,
+) -> np.ndarray:
+    """Photograph a mesh under fringes, one picture of Cycles for each pattern, as the paper does.
+
+    The twin of ``raycast(mesh, system, albedo=..., white_at=...).frames(fringes)``.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Vertices in world coordinates, mm.
+    system : System
+        Camera (without distortion and skew) and projector (without distortion).
+    fringes : Fringe or sequence of Fringe
+        The projected patterns, in the order of the frames; without defocus.
+    albedo : float or (F,) array
+        Diffuse reflectance: one for all, or one for each face.
+    white_at : float
+        Distance from the projector, mm, at which a white face square to the light reads 255.
+    samples : int
+        1 looks through the centre of each pixel, as the ray caster does. More are spread by
+        Cycles' own pixel filter, 1.5 pixels wide: neighbours mix, as in a real camera, and the
+        spread is noise.
+    quantise : bool
+        True for uint8, False for float64.
+
+    Returns
+    -------
+    (N, H, W) array
+        N is the number of steps of all fringes together.
+
+    Raises
+    ------
+    ValueError
+        As `fpputil.optics.raycast.raycast`; also for what Blender cannot do.
+    ImportError
+        If Blender does not run here.
+
+    Notes
+    -----
+    Eq. 1, chapter 2. Ray caster and Cycles differ in pixels within a hundredth of a pixel of an
+    edge; there Cycles may also let a facet shade the one beside it, one pixel in a hundred
+    thousand.
+    """
+    fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
+    if not fringes:
+        raise ValueError("no fringe given; a photograph needs at least one pattern")
+    for fringe in fringes:
+        shaders.check_pattern(fringe)
+    whole("samples", samples, 1)
+    scene = _scene(mesh, system, albedo, white_at)
+    frames = []
+    with studio.opened(system.camera, samples) as (bpy, shoot):
+        lamp = _build(bpy, *scene)
+        for fringe in fringes:
+            shaders.throw(lamp, system.projector, shaders.pattern(fringe))
+            for n in range(fringe.steps):
+                lamp.node_tree.nodes["shift"].outputs[0].default_value = n / fringe.steps
+                light = shoot()
+                _check_seen(mesh, light)
+                frames.append(_frame(light[..., 0], quantise))
+            if not np.any(frames):
+                raise ValueError(
+                    "no pixel is lit; at least one pixel must be seen and lit "
+                    "(is the object in both images, and does it face the projector?)"
+                )
+    return np.stack(frames)
+
+
+def see(
+    mesh: trimesh.Trimesh,
+    system: System,
+    *,
+    albedo: float | np.ndarray = 0.9,
+    white_at: float = 400.0,
+) -> View:
+    """See a mesh through a system by Cycles: the twin of `fpputil.optics.raycast.raycast`.
+
+    The projector throws its own coordinates, (column, row, 1), as red, green and blue: one
+    picture then serves every pattern. A second, of the depth, needs no projector.
+
+    Parameters
+    ----------
+    mesh, system, albedo, white_at
+        As for `photograph`.
+
+    Returns
+    -------
+    View
+
+    Raises
+    ------
+    ValueError
+        As `fpputil.optics.raycast.raycast`; also for what Blender cannot do.
+    ImportError
+        If Blender does not run here.
+
+    Notes
+    -----
+    Chapter 2.
+    """
+    projector, scene = system.projector, _scene(mesh, system, albedo, white_at)
+    with studio.opened(system.camera, 1) as (bpy, shoot):
+        lamp = _build(bpy, *scene)
+        shaders.throw(lamp, projector, shaders.address(projector))
+        light = shoot()
+        _check_seen(mesh, light)
+        studio.repaint(bpy, shaders.glow_by_depth(bpy))
+        depth = shoot()[..., 0]
+    shade = light[..., 2]
+    mask = shade > 0
+    address = light[..., :2].astype(np.float64) / np.where(mask, shade, np.nan)[..., None]
+    column, row = np.moveaxis(address * (projector.width, projector.height) - 0.5, -1, 0)
+    depth = np.where(mask, depth * studio.METRE, np.nan)
+    return View(*(a.astype(np.float32) for a in (column, row, shade, depth)), mask)
+
+
+def _scene(mesh, system: System, albedo, white_at: float) -> tuple:
+    """What `_build` needs, checked before Blender is started."""
+    check_mesh(mesh, "mesh")
+    shaders.check_projector(system.projector)
+    triangles = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+    light = system.projector, positive("white_at", white_at, "mm")
+    return triangles, _albedo(albedo, len(triangles)), *light
+
+
+def _build(bpy, triangles, albedo, projector: Pinhole, white_at):
+    """Put the mesh and the projector into the empty scene; returns the projector's lamp."""
+    studio.solid(bpy, triangles, shaders.skin(bpy), albedo=albedo)
+    return shaders.projector(bpy, projector, white_at)
+
+
+def _frame(light: np.ndarray, quantise: bool) -> np.ndarray:
+    light = WHITE * light.astype(np.float64)
+    return np.rint(light.clip(0, WHITE)).astype(np.uint8) if quantise else light
+
+
+def _albedo(albedo, faces: int) -> np.ndarray:
+    if callable(albedo):
+        raise ValueError(
+            "albedo as a function given; Blender takes a number, or one for each face, and the "
+            "ray caster takes functions"
+        )
+    value = np.asarray(albedo, np.float64)
+    if value.shape not in ((), (faces,)):
+        raise ValueError(
+            f"albedo of shape {value.shape} given; it is a number, or one for each of the {faces} "
+            "faces"
+        )
+    if not (np.isfinite(value).all() and (value >= 0).all()):
+        raise ValueError(
+            "albedo with NaN, infinite or negative values given; all must be 0 or more"
+        )
+    return np.broadcast_to(value, faces)
+
+
+def _check_seen(mesh, light: np.ndarray) -> None:
+    if not light[..., 3].any():
+        low, high = (f(mesh.vertices, axis=0).round(1).tolist() for f in (np.min, np.max))
+        raise ValueError(
+            f"mesh from {low} to {high} mm given; it lies outside the view of the camera"
+        )
