@@ -20,7 +20,7 @@ import numba
 import numpy as np
 import trimesh
 
-from benchmarks import cycles
+from benchmarks import cycles, loading
 from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
 from fpputil.optics.fringes import fringe_set
@@ -167,6 +167,8 @@ def main() -> None:
         results["against fringes 1920x1200"] = bench_peer(1200, 1920, options.peer)
     else:
         print("no --peer given: the comparison with `fringes` is left out", file=sys.stderr)
+    results["loading tiny"] = loading.bench_loading("tiny", 1000, 12)
+    results["loading paper"] = loading.bench_loading("paper", 150, 2)
     if blender_works():
         results[cycles.TITLE] = cycles.bench_cycles()
     else:
