@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 from numbers import Integral, Real
 from pathlib import Path
@@ -45,6 +46,10 @@ def seeded(seed) -> np.random.Generator:
     return np.random.default_rng(whole("seed", seed, 0))
 
 
+PARTIAL = re.compile(r".+\.\d+-[0-9a-f]{8}\.part")
+"""Names of the files that `write_whole` leaves behind if its process is killed."""
+
+
 def write_whole(path: str | os.PathLike, data: bytes) -> None:
     """Write a file whole or not at all: nothing half-written stays, whatever fails."""
     path = Path(path)
@@ -53,7 +58,12 @@ def write_whole(path: str | os.PathLike, data: bytes) -> None:
     # Two machines that share a folder may have equal process numbers.
     partial = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
-        partial.write_bytes(data)
+        with partial.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())  # or a power cut could leave an empty file of this name
         os.replace(partial, path)
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror}, writing {path}") from error
     finally:
         partial.unlink(missing_ok=True)

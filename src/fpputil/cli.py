@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import sys
 import time
 from pathlib import Path
@@ -20,7 +21,8 @@ def main(argv: list[str] | None = None) -> int:
         print("\nstopped; the same command goes on from here", file=sys.stderr)
         return 130
     except OSError as error:
-        keeps = "; what is finished stays, the same command goes on" if error.errno == 28 else ""
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        keeps = "; what is finished stays, the same command goes on" if full else ""
         print(f"fpp: {error}{keeps}", file=sys.stderr)
         return 1
     except (ValueError, RuntimeError, ImportError) as error:
@@ -113,6 +115,8 @@ def _models(options):
 
     if (options.folder or options.thingi10k) and options.held_out:
         raise ValueError("--held-out given; only models from seeds have families to hold out")
+    if not options.thingi10k and (options.cache or options.download):
+        raise ValueError("--cache or --download given; they are for --thingi10k")
     if options.folder:
         models, notes = sources.folder(options.folder, options.models)
         return models, (), options.folder, notes
@@ -130,7 +134,7 @@ def _check(options) -> int:
     for line in wrong:
         print(line)
     if wrong:
-        print(f"{len(wrong)} files are wrong; delete {options.path} and generate it again")
+        print("The command that made the dataset makes damaged and missing files anew.")
         return 1
     print(
         f"every byte is as it was written, content {open_store(options.path).manifest['content']}"

@@ -1,10 +1,13 @@
 """A Dask cluster on loopback, one of whose workers is killed."""
 
+import json
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
+import psutil
 import pytest
 
 from fpputil.learning import engines
@@ -35,6 +38,26 @@ def test_a_scheduler_that_does_not_answer(monkeypatch):
         list(engines.run(double, [(1,)], scheduler="tcp://127.0.0.1:9"))
 
 
+@pytest.mark.parametrize("address", ["foo", "tcp://host", "127.0.0.1:8786"])
+def test_an_address_that_is_none(address):
+    with pytest.raises(ValueError, match="an address like tcp://host:8786 is needed"):
+        list(engines.run(double, [(1,)], scheduler=address))
+
+
+def test_jobs_after_an_error_are_not_started(tmp_path):
+    jobs = [(0, str(tmp_path))] + [(n, str(tmp_path)) for n in range(1, 60)]
+    with pytest.raises(OSError, match="No space"):
+        list(engines.run(touch_or_fail, jobs, 2))
+    assert len(list(tmp_path.iterdir())) < 30
+
+
+def touch_or_fail(n, folder):
+    if n == 0:
+        fail(n)
+    time.sleep(0.05)
+    (Path(folder) / str(n)).touch()
+
+
 def test_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(RuntimeError, match="Dask is missing: pip install"):
@@ -62,8 +85,6 @@ def cluster(tmp_path):
             ]
             options = ["--no-nanny", "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1"]
             processes += [subprocess.Popen([*start, *options], **quiet) for _ in range(2)]
-            import json
-
             yield json.loads(address.read_text())["address"], processes[1:]
         finally:
             for process in processes:
@@ -104,11 +125,22 @@ def test_a_cluster_that_loses_a_worker(small_set, cluster, tmp_path):
     assert files == expected
 
 
+def test_a_cluster_that_goes_away(cluster, tmp_path):
+    address, workers = cluster
+    out = tmp_path / "set"
+    call = [sys.executable, "-m", "fpputil.cli", "dataset", "generate", str(out), "--models", "200"]
+    run = subprocess.Popen([*call, "--scheduler", address], stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: list(out.glob("records/*.json")) or run.poll() is not None)
+    scheduler = psutil.Process(workers[0].pid).parent()
+    for process in scheduler.children():
+        if "dask_scheduler" in " ".join(process.cmdline()):
+            process.kill()
+    _, said = run.communicate(timeout=120)
+    assert run.returncode == 1 and "the same command goes on" in said.splitlines()[-1]
+
+
 def test_generating_through_a_cluster_from_python(small_set, cluster, tmp_path):
-    manifest = generate(
-        tmp_path / "set", "tiny", *seeded_models(10, 1), views=2, scheduler=cluster[0]
-    )
-    assert (
-        manifest["content"]
-        == __import__("json").loads((small_set / "manifest.json").read_text())["content"]
-    )
+    models = seeded_models(10, 1)
+    manifest = generate(tmp_path / "set", "tiny", *models, views=2, scheduler=cluster[0])
+    expected = json.loads((small_set / "manifest.json").read_text())
+    assert manifest["content"] == expected["content"]

@@ -6,10 +6,13 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+import torch
 
+from fpputil.learning import folders
 from fpputil.learning.folders import export_folder, import_folder
 from fpputil.learning.store import check, open_store
-from fpputil.learning.synthfringe import SynthFringe
+from fpputil.learning.synthfringe import Augmentation, SynthFringe
+from fpputil.optics.fringes import Fringe
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +78,10 @@ def test_scenes_of_one_object_stay_together(small_set, tmp_path):
 
 def test_photographs_that_are_not_held(exported, tmp_path):
     import_folder(exported, tmp_path / "set")
-    data = SynthFringe(tmp_path / "set", "test", frames=(("high", 4, 1),), extremes=(0, 255))
     with pytest.raises(ValueError, match="step 1 of 4 at pitch 24 asked for; .* holds"):
-        data[0]
+        SynthFringe(tmp_path / "set", "test", frames=(("high", 4, 1),), extremes=(0, 255))
+    with pytest.raises(ValueError, match="noise 1.0 given; .* holds photographs as they are"):
+        export_folder(tmp_path / "set", tmp_path / "again", noise=1.0)
 
 
 def bad_scene(scenes, damage):
@@ -126,3 +130,106 @@ def test_folders_that_cannot_be_used(small_set, scenes, tmp_path):
         import_folder(scenes, tmp_path / "set")
     with pytest.raises(ValueError, match="is not empty"):
         export_folder(small_set, scenes)
+
+
+def test_import_measures_shade_and_depth(small_set, exported, tmp_path):
+    """Against the views behind the photographs; nothing infinite gets into the mask."""
+    import_folder(exported, tmp_path / "set")
+    before, after = open_store(small_set), open_store(tmp_path / "set")
+    for old, new in zip(before.indices("test"), after.indices("test"), strict=True):
+        a, b = before.view(old), after.view(new)
+        assert np.isfinite(b.depth[b.mask]).all() and (b.shade[~b.mask] == 0).all()
+        both = a.mask & b.mask & (a.shade > 0.1)
+        np.testing.assert_allclose(b.shade[both], a.shade[both], atol=0.01)
+
+
+def test_colour_photographs_become_grey(exported, tmp_path):
+    scene = next(f for f in sorted(exported.iterdir()) if f.is_dir())
+    one = shutil.copytree(exported, tmp_path / "one")
+    picture = cv2.imread(str(scene / "high_00.png"), cv2.IMREAD_UNCHANGED)
+    tinted = np.stack([picture // 4, picture, picture], axis=-1)
+    cv2.imwrite(str(one / scene.name / "high_00.png"), tinted)
+    import_folder(one, tmp_path / "set")
+    kept = open_store(tmp_path / "set").array("frames", 0)[0]
+    np.testing.assert_array_equal(kept, cv2.cvtColor(tinted, cv2.COLOR_BGR2GRAY))
+
+
+def test_other_numbers_of_steps_go_out_and_in(small_set, tmp_path):
+    """A rig that takes 5 and 3 steps; exported again, its photographs are the same files."""
+    store, folder = open_store(small_set), tmp_path / "own"
+    p, steps = store.manifest["pitches"], {"high": 5, "mid": 4, "zmin": 3, "unit": 6}
+    for index in store.indices("training")[:3]:
+        scene = folder / f"view{index}"
+        scene.mkdir(parents=True)
+        for name, count in steps.items():
+            for n, frame in enumerate(store.view(index).frames(Fringe(p[name], count))):
+                cv2.imwrite(str(scene / f"{name}_{n:02d}.png"), frame)
+    about = {"system": store.manifest["system"], "pitches": p, "steps": steps}
+    (folder / "scenes.json").write_text(json.dumps(about))
+    manifest = import_folder(folder, tmp_path / "set")
+    assert [len(m["scenes"]) for m in manifest["models"]] == [1, 1, 1]
+    item = SynthFringe(tmp_path / "set", "training", frames=(("high", 5, 2), ("zmin", 3, 1)))[0]
+    bright = item["mask"] & (item["modulation"] > 20)
+    assert (item["Phi"] - item["Phi_true"])[bright].abs().max() < 1e-3
+    assert export_folder(tmp_path / "set", tmp_path / "again") == 3
+    for scene in (tmp_path / "again").glob("scene-*"):
+        assert len(list(scene.iterdir())) == 18
+
+
+def test_changed_photographs_are_another_dataset(scenes, tmp_path):
+    import_folder(scenes, tmp_path / "set")
+    shrink(sorted(f for f in scenes.iterdir() if f.is_dir())[0])
+    with pytest.raises(ValueError, match="holds another dataset: its models differ"):
+        import_folder(scenes, tmp_path / "set")
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (lambda s: [], "scenes of scenes.json is no table"),
+        (lambda s: dict.fromkeys(s), "scenes of scenes.json is no table"),
+        (lambda s: {k: {"split": "train"} for k in s}, "split 'train' given for scene-"),
+        (
+            lambda s: {
+                k: {"object": "a", "split": p} for k, p in zip(s, ("test", "training"), strict=True)
+            },
+            "show one object; they belong in one split",
+        ),
+        (lambda s: {}, "holds no scene"),
+    ],
+)
+def test_scenes_that_make_no_sense(change, said, scenes, tmp_path):
+    index = json.loads((scenes / "scenes.json").read_text())
+    (scenes / "scenes.json").write_text(json.dumps({**index, "scenes": change(index["scenes"])}))
+    with pytest.raises(ValueError, match=said):
+        import_folder(scenes, tmp_path / "set")
+
+
+def test_an_imported_photograph_is_augmented_too(exported, tmp_path):
+    import_folder(exported, tmp_path / "set")
+
+    def item(**how):
+        kept = {"augmentation": Augmentation(**how), "extremes": (0, 255)}
+        return SynthFringe(tmp_path / "set", "test", **kept)[0]
+
+    plain, lit = item(), item()["mask"]
+    dark = item(gain=(0.5, 0.5))
+    np.testing.assert_allclose(dark["frames"], plain["frames"] / 2, atol=0.003)
+    np.testing.assert_allclose(
+        dark["modulation"][dark["mask"]], plain["modulation"][dark["mask"]] / 2
+    )
+    np.testing.assert_allclose(item(gamma=(0.5, 0.5))["frames"], plain["frames"] ** 0.5, atol=0.003)
+    bright = lit & (plain["frames"].min(0).values > 0.1)
+    noise = 255 * (item(noise=(2.0, 2.0))["frames"] - plain["frames"])[:, bright]
+    assert 1.7 < noise.std() < 2.3 and not torch.equal(noise[0], noise[1])
+
+
+def test_many_scenes_of_one_object_are_several_models_of_one_split(scenes, tmp_path, monkeypatch):
+    monkeypatch.setattr(folders, "AT_ONCE", 1)
+    index = json.loads((scenes / "scenes.json").read_text())
+    first, second = index["scenes"]
+    index["scenes"] = {first: {"object": "cup"}, second: {"object": "cup"}}
+    (scenes / "scenes.json").write_text(json.dumps(index))
+    manifest = import_folder(scenes, tmp_path / "set")
+    assert [m["name"] for m in manifest["models"]] == ["cup (1)", "cup (2)"]
+    assert {m["split"] for m in manifest["models"]} == {"training"}

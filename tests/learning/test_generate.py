@@ -16,6 +16,7 @@ import pytest
 import trimesh
 
 from fpputil import checks
+from fpputil.learning import fill as fill_module
 from fpputil.learning import layout, sources
 from fpputil.learning.fill import fill
 from fpputil.learning.generate import generate, make_model, turned
@@ -97,7 +98,7 @@ def test_all_36_poses_or_some_of_them(tmp_path):
     plan = plan_of("tiny", models, (), 36, 0, 240.0)
     (tmp_path / "a").mkdir()
     record = make_model(str(tmp_path / "a"), plan, plan["models"][0], 0, None)
-    assert record["pose"] == POSES
+    assert record["pose"] == [list(pose) for pose in POSES]
     few = [
         make_model(
             str(tmp_path / "a"),
@@ -108,7 +109,7 @@ def test_all_36_poses_or_some_of_them(tmp_path):
         )["pose"]
         for n in range(2)
     ]
-    assert all(len(set(p)) == 3 for p in few) and few[0] != few[1]
+    assert all(len({*map(tuple, p)}) == 3 for p in few) and few[0] != few[1]
 
 
 def test_extremes_come_from_training_alone(small_set):
@@ -212,6 +213,137 @@ def test_a_lost_or_cut_shard_is_made_again(small_set, tmp_path):
     assert tree(out) == tree(small_set)
 
 
+def stop_at(moment, monkeypatch):
+    """Stop a run as a kill would: when file number `moment` is about to be written."""
+    write, written = checks.write_whole, []
+
+    def limited(path, data):
+        if len(written) == moment:
+            raise KeyboardInterrupt
+        written.append(path)
+        write(path, data)
+
+    monkeypatch.setattr(layout, "write_whole", limited)
+
+
+# Manifest, group, four arrays: 6 files; then 4 shards and a record a model; then the manifest.
+@pytest.mark.parametrize("moment", [*range(5, 17), 20, 21])
+def test_stopped_at_each_file(moment, tmp_path, monkeypatch):
+    models = seeded_models(3, 0)
+    expected = generate(tmp_path / "whole", "tiny", *models, views=1)
+    out = tmp_path / "stopped"
+    stop_at(moment, monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        generate(out, "tiny", *models, views=1)
+    monkeypatch.undo()
+    assert not json.loads((out / "manifest.json").read_bytes())["complete"]
+    records = len(list(out.glob("records/*.json")))
+    assert records == max(0, (moment - 6) // 5)
+    assert generate(out, "tiny", *models, views=1) == expected
+    assert tree(out) == tree(tmp_path / "whole")
+
+
+def test_stopped_before_the_records_are_removed(tmp_path, monkeypatch):
+    models = seeded_models(3, 0)
+    generate(tmp_path / "whole", "tiny", *models, views=1)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(shutil, "rmtree", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        generate(tmp_path / "stopped", "tiny", *models, views=1)
+    assert check(tmp_path / "stopped")  # the records are not part of it
+    generate(tmp_path / "stopped", "tiny", *models, views=1)
+    assert tree(tmp_path / "stopped") == tree(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("left", [b"", b'{"lit": [', b"[]", b"{}", b'{"shards": 3}'])
+def test_a_cut_record_is_no_record(left, small_set, tmp_path):
+    out = tmp_path / "cut"
+    shutil.copytree(small_set, out)
+    manifest = json.loads((out / "manifest.json").read_bytes())
+    for key in ("records", "extremes", "metadata", "content", "seal"):
+        del manifest[key]
+    (out / "manifest.json").write_bytes(layout.dumps({**manifest, "complete": False}))
+    (out / "records").mkdir()
+    (out / "records/000002.json").write_bytes(left)
+    generate(out, "tiny", *seeded_models(10, 1), views=2)
+    assert tree(out) == tree(small_set)
+
+
+def test_only_what_is_damaged_is_made_again(small_set, tmp_path, monkeypatch):
+    out = tmp_path / "flipped"
+    shutil.copytree(small_set, out)
+    shard = bytearray((out / "column/c/3/0/0").read_bytes())
+    shard[50] ^= 1
+    (out / "column/c/3/0/0").write_bytes(shard)
+    (out / "depth/zarr.json").unlink()
+    made = []
+    real = sources.load
+    monkeypatch.setattr(
+        sources, "load", lambda model, root: made.append(model) or real(model, root)
+    )
+    generate(out, "tiny", *seeded_models(10, 1), views=2)
+    assert len(made) == 1 and tree(out) == tree(small_set)
+    generate(out, "tiny", *seeded_models(10, 1), views=2)
+    assert len(made) == 1
+
+
+def test_partial_files_of_a_killed_run_go_and_others_stay(small_set, tmp_path):
+    out = tmp_path / "set"
+    shutil.copytree(small_set, out)
+    (out / "mask/c/2/0/0").unlink()
+    ours = out / "mask/c/2/0/0.123-0a1b2c3d.part"
+    theirs = [out / "film.part", out / "mine/film.part", out / "column/film.part"]
+    for file in (ours, *theirs):
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(b"x")
+    generate(out, "tiny", *seeded_models(10, 1), views=2)
+    assert not ours.exists() and all(file.exists() for file in theirs)
+    (tmp_path / "films").mkdir()
+    (tmp_path / "films/film.part").write_bytes(b"x")
+    with pytest.raises(ValueError, match="holds something else .film.part"):
+        generate(tmp_path / "films", "tiny", *seeded_models(3, 0), views=1)
+
+
+def test_ctrl_c_twice_ends_at_once(tmp_path):
+    out = tmp_path / "twice"
+    run = subprocess.Popen(
+        command(out, "--models", "60", "--workers", "2"), stderr=subprocess.PIPE, text=True
+    )
+    while run.poll() is None and not list(out.glob("records/*.json")):
+        time.sleep(0.01)
+    for _ in range(3):
+        run.send_signal(signal.SIGINT)
+        time.sleep(0.2)
+    _, said = run.communicate(timeout=60)
+    assert run.returncode in (130, -signal.SIGINT) and "Process Spawn" not in said
+
+
+def test_seeds_of_noise_and_poses(small_set, tmp_path):
+    records = open_store(small_set).manifest["records"]
+    seeds = [s for r in records for s in r["noise_seed"]]
+    assert len(set(seeds)) == len(seeds) == 22
+    other = generate(tmp_path / "other", "tiny", *seeded_models(10, 1), views=2, seed=1)
+    assert [r["pose"] for r in other["records"]] != [r["pose"] for r in records]
+    assert not set(seeds) & {s for r in other["records"] for s in r["noise_seed"]}
+
+
+def test_which_model_is_where():
+    """The order of a random draw is part of the format: NumPy keeps it from version to version."""
+    names = split_by_model(10, 0)
+    assert (names.index("validation"), names.index("test")) == (4, 6)
+
+
+def test_a_worker_that_does_not_see_the_folder_or_has_other_versions(tmp_path):
+    plan = plan_of("tiny", *seeded_models(3, 0), 1, 0, 240.0)
+    job = (make_model, str(tmp_path / "nowhere"), plan, plan["models"][0], 0, None)
+    with pytest.raises(RuntimeError, match="does not see .*nowhere; all workers must"):
+        fill_module._one_model(*job)
+    assert not (tmp_path / "nowhere").exists()
+    layout.put(tmp_path, {layout.MANIFEST: layout.dumps(plan)})
+    older = {**plan, "versions": {**plan["versions"], "numpy": "0.9"}}
+    with pytest.raises(RuntimeError, match="other versions of numpy than the dataset"):
+        fill_module._one_model(make_model, str(tmp_path), older, plan["models"][0], 0, None)
+
+
 # Refused
 
 
@@ -222,7 +354,7 @@ def test_out_that_holds_something_else(small_set, tmp_path):
     assert (tmp_path / "thesis.tex").read_text() == "precious" and len(
         list(tmp_path.iterdir())
     ) == 1
-    with pytest.raises(ValueError, match="is a file"):
+    with pytest.raises(ValueError, match="is no folder"):
         generate(tmp_path / "thesis.tex", "tiny", *seeded_models(3, 0), views=1)
     with pytest.raises(ValueError, match="does not exist"):
         generate(tmp_path / "no" / "where", "tiny", *seeded_models(3, 0), views=1)

@@ -116,3 +116,60 @@ def test_photographs_of_any_pitch_steps_and_noise(small_set):
     lit = clean.max(0) > 20
     assert 2.5 < (noisy.astype(float) - clean)[:, lit].std() < 3.5
     np.testing.assert_array_equal(noisy, store.photographs(index, fringes, noise=3.0))
+
+
+@pytest.mark.parametrize("index", [-1, 22, 999])
+def test_a_view_that_is_not_there(index, small_set):
+    for ask in ("view", "about"):
+        with pytest.raises(ValueError, match=f"view {index} given; .* has views 0 to 21"):
+            getattr(open_store(small_set), ask)(index)
+
+
+@pytest.mark.parametrize("name", ["mask", "column", "shade", "depth"])
+def test_every_flipped_byte_of_a_chunk_or_the_index_is_noticed(name, copy):
+    """Blosc does not notice each of them; the CRC of the chunk and of the index do."""
+    store = open_store(copy)
+    index = int(store.indices("training")[0])
+    file = copy / f"{name}/c/{index // 2}/0/0"
+    whole = file.read_bytes()
+    expected = store.array(name, index)
+    for position in (*range(0, len(whole), max(1, len(whole) // 60)), *range(-36, 0)):
+        data = bytearray(whole)
+        data[position] ^= 64
+        file.write_bytes(data)
+        try:
+            read = store.array(name, index)
+        except ValueError:
+            continue
+        np.testing.assert_array_equal(read, expected)  # the byte belongs to the other view
+
+
+def test_a_view_of_few_pixels_is_left_out(copy):
+    manifest = json.loads((copy / layout.MANIFEST).read_bytes())
+    index = int(open_store(copy).indices("training")[0])
+    least = manifest["settings"]["least"]
+    for lit, listed in ((least - 1, False), (least, True)):
+        manifest["records"][index // 2]["lit"][index % 2] = lit
+        manifest["seal"] = layout.seal(manifest)
+        (copy / layout.MANIFEST).write_bytes(layout.dumps(manifest))
+        assert (index in open_store(copy).indices("training")) is listed
+
+
+def test_a_file_that_cannot_be_read_is_a_line_of_the_list(copy):
+    (copy / "mask/c/2/0/0").unlink()
+    (copy / "mask/c/2/0/0").mkdir()
+    assert check(copy) == ["mask/c/2/0/0: cannot be read (Is a directory)"]
+
+
+def test_content_speaks_for_every_shard(small_set):
+    records = json.loads((small_set / layout.MANIFEST).read_bytes())["records"]
+    before = layout.content(records)
+    records[3]["shards"]["column/c/3/0/0"]["sha256"] = "0" * 64
+    assert layout.content(records) != before
+
+
+def test_reading_is_what_zarr_reads(small_set):
+    group, store = zarr.open_group(small_set, mode="r"), open_store(small_set)
+    for name in layout.KINDS:
+        for index in range(22):
+            np.testing.assert_array_equal(group[name][index], store.array(name, index))

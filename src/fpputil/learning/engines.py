@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 
 from fpputil.checks import whole
 
 PATIENCE = 10  # seconds that a scheduler has to answer
+
+
+def check(workers: int, scheduler: str | None) -> None:
+    """ValueError unless there is a worker, and a scheduler's address has a scheme and a port."""
+    whole("workers", workers, 1)
+    if scheduler is not None and not re.fullmatch(r"\w+://.+:\d+", scheduler):
+        raise ValueError(
+            f"scheduler {scheduler!r} given; an address like tcp://host:8786 is needed"
+        )
 
 
 def run(
@@ -35,25 +45,24 @@ def run(
 
     Raises
     ------
+    ValueError
+        If there are no workers, or the address is none.
     RuntimeError
-        If a worker was ended from outside, or the scheduler cannot be reached.
+        If a worker was ended from outside, or the scheduler cannot be reached or goes away.
     """
-    whole("workers", workers, 1)
+    check(workers, scheduler)
     if not jobs:
         return
     if workers == 1 and scheduler is None:
         yield from (function(*job) for job in jobs)
         return
     with _processes(workers) if scheduler is None else _cluster(scheduler) as executor:
-        futures = [executor.submit(function, *job) for job in jobs]
+        futures = []
         try:
+            with _without_interrupts():  # workers that start now inherit the deafness
+                futures += [executor.submit(function, *job) for job in jobs]
             for future in as_completed(futures):
                 yield future.result()
-        except BrokenProcessPool:
-            raise RuntimeError(
-                "a worker process was ended from outside (is the memory full?); "
-                "what is finished stays, and the same command goes on"
-            ) from None
         finally:  # on an error or Ctrl-C, jobs in flight end and the others never start
             for future in futures:
                 future.cancel()
@@ -62,8 +71,29 @@ def run(
 @contextmanager
 def _processes(workers: int) -> Iterator[Executor]:
     # Spawned, not forked: Embree, BLAS and Zarr have threads that a fork would cut in half.
-    with ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker) as pool:
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker)
+    try:
         yield pool
+    except BrokenProcessPool:
+        raise RuntimeError(
+            "a worker process was ended from outside (is the memory full?); "
+            "what is finished stays, and the same command goes on"
+        ) from None
+    finally:
+        with _without_interrupts():  # a second Ctrl-C must not cut the end short
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _begin_worker() -> None:
@@ -81,7 +111,7 @@ def _end_with_parent() -> None:
 @contextmanager
 def _cluster(address: str) -> Iterator[Executor]:
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
     except ImportError:
         raise RuntimeError(
             f"scheduler {address} given; Dask is missing: pip install 'fpputil[cluster]'"
@@ -93,5 +123,13 @@ def _cluster(address: str) -> Iterator[Executor]:
             f"scheduler {address} given; it does not answer ({error}); start one with: "
             "dask scheduler"
         ) from error
-    with client:
+    try:
         yield client.get_executor(retries=3)
+    except (CancelledError, KilledWorker) as error:
+        raise RuntimeError(
+            f"the cluster of {address} is gone or loses its workers ({type(error).__name__}); "
+            "what is finished stays, and the same command goes on"
+        ) from None
+    finally:
+        with suppress(OSError, RuntimeError):
+            client.close(timeout=PATIENCE)

@@ -8,6 +8,7 @@ Chapter 7.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -27,6 +28,7 @@ from fpputil.optics.fringes import Fringe
 from fpputil.optics.system import from_dict, to_dict
 
 INDEX = "scenes.json"
+AT_ONCE = 12  # scenes that a worker holds in memory
 
 
 def export_folder(
@@ -43,7 +45,7 @@ def export_folder(
     split : str, optional
         Of this split alone.
     noise : float
-        Read noise, grey levels, with the seed of each view.
+        Read noise, grey levels, with the seed of each view; none for an imported dataset.
 
     Returns
     -------
@@ -53,30 +55,31 @@ def export_folder(
     data, folder = open_store(path), Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(f"{folder} is not empty; an export goes to a new or empty folder")
+    wanted = [
+        (name, i) for name in ([split] if split else data.splits()) for i in data.indices(name)
+    ]
     folder.mkdir(exist_ok=True)
     pitches, scenes = data.manifest["pitches"], {}
-    for name in [split] if split else data.splits():
-        for index in data.indices(name):
-            about = data.about(index)
-            scene = f"scene-{index:06d}"
-            scenes[scene] = {"object": about["name"], "split": name}
-            frames = data.photographs(
-                index, [Fringe(pitches[f], STEPS) for f in FREQUENCIES], noise
-            )
-            _write_scene(folder / scene, frames)
-    about = {
-        "system": to_dict(data.system),
-        "pitches": pitches,
-        "steps": dict.fromkeys(FREQUENCIES, STEPS),
-    }
-    write_whole(folder / INDEX, layout.dumps({**about, "scenes": scenes}))
+    fringes = data.fringes or [Fringe(pitches[f], STEPS) for f in FREQUENCIES]
+    for name, index in wanted:
+        scene = f"scene-{index:06d}"
+        scenes[scene] = {"object": data.about(index)["name"], "split": name}
+        _write_scene(folder / scene, fringes, data.photographs(index, fringes, noise))
+    steps = {name: fringe.steps for name, fringe in zip(FREQUENCIES, fringes, strict=True)}
+    about = {"system": to_dict(data.system), "pitches": pitches, "steps": steps, "scenes": scenes}
+    write_whole(folder / INDEX, layout.dumps(about))
     return len(scenes)
 
 
-def _write_scene(folder: Path, frames: np.ndarray) -> None:
+def _names(steps: Iterable[int]) -> list[str]:
+    """File names of a scene's photographs, in the order of `FREQUENCIES`."""
+    pairs = zip(FREQUENCIES, steps, strict=True)
+    return [f"{name}_{n:02d}.png" for name, count in pairs for n in range(count)]
+
+
+def _write_scene(folder: Path, fringes, frames: np.ndarray) -> None:
     folder.mkdir()
-    for n, frame in enumerate(frames):
-        name = f"{FREQUENCIES[n // STEPS]}_{n % STEPS:02d}.png"
+    for name, frame in zip(_names(f.steps for f in fringes), frames, strict=True):
         write_whole(folder / name, cv2.imencode(".png", frame)[1].tobytes())
 
 
@@ -104,18 +107,9 @@ def import_folder(
     about = _read_index(folder)
     system, pitches, steps = from_dict(about["system"]), about["pitches"], about["steps"]
     minimum_phase(system, pitches["zmin"])  # raises where the range is too long for the method
-    scenes = about.get("scenes") or {f.name: {} for f in sorted(folder.iterdir()) if f.is_dir()}
-    if not scenes:
-        raise ValueError(f"{folder} holds no scene; each is a folder of PNG files")
-    objects: dict[str, list[str]] = {}
-    for scene in sorted(scenes):
-        objects.setdefault(scenes[scene].get("object", scene), []).append(scene)
-    drawn = split_by_model(len(objects), seed)
-    models = [
-        {"name": name, "scenes": own, "split": scenes[own[0]].get("split", split)}
-        for (name, own), split in zip(objects.items(), drawn, strict=True)
-    ]
-    settings = {"preset": "imported", "views": max(map(len, objects.values())), "seed": seed}
+    models = _models(folder, _objects(folder, about.get("scenes")), seed)
+    views = max(len(m["scenes"]) for m in models)
+    settings = {"preset": "imported", "views": views, "seed": seed}
     frames = [{"pitch": pitches[f], "steps": steps[f]} for f in FREQUENCIES]
     plan = new_plan(settings, system, pitches, models, frames)
     return fill(out, plan, import_model, folder, workers, progress=progress)
@@ -134,6 +128,47 @@ def _read_index(folder: Path) -> dict:
             f"system, and pitches and steps of {', '.join(FREQUENCIES)}"
         ) from error
     return about
+
+
+def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], str | None]]:
+    """Scenes and split, if one is given, of each object."""
+    if scenes is None:
+        scenes = {f.name: {} for f in sorted(folder.iterdir()) if any(f.glob("*.png"))}
+    if not isinstance(scenes, dict) or not all(isinstance(v, dict) for v in scenes.values()):
+        raise ValueError(f"scenes of {INDEX} is no table; it gives each folder's object and split")
+    objects: dict[str, tuple[list[str], str | None]] = {}
+    for scene, entry in sorted(scenes.items()):
+        split = entry.get("split")
+        if split not in (None, *layout.SPLITS):
+            raise ValueError(
+                f"split {split!r} given for {scene}; the splits are {', '.join(layout.SPLITS)}"
+            )
+        own, before = objects.setdefault(str(entry.get("object", scene)), ([], split))
+        if split != before:
+            raise ValueError(f"{own[0]} and {scene} show one object; they belong in one split")
+        own.append(scene)
+    if not objects:
+        raise ValueError(f"{folder} holds no scene; each is a folder of PNG files")
+    return objects
+
+
+def _models(folder: Path, objects: dict, seed: int) -> list[dict]:
+    """Objects as models of a plan; one of many scenes is several, in the same split."""
+    drawn = split_by_model(len(objects), seed)
+    models = []
+    for (name, (scenes, given)), split in zip(objects.items(), drawn, strict=True):
+        for first in range(0, len(scenes), AT_ONCE):
+            own = scenes[first : first + AT_ONCE]
+            part = f"{name} ({first // AT_ONCE + 1})" if len(scenes) > AT_ONCE else name
+            sha256 = layout.digest("".join(_photographs_digest(folder / s) for s in own).encode())
+            models.append({"name": part, "scenes": own, "split": given or split, "sha256": sha256})
+    return models
+
+
+def _photographs_digest(scene: Path) -> str:
+    """Digest of a scene's names and bytes, so that changed photographs are another dataset."""
+    files = sorted(scene.glob("*.png"))
+    return layout.digest("".join(f.name + layout.digest(f.read_bytes()) for f in files).encode())
 
 
 def import_model(out: str, shared: dict, model: dict, number: int, root: str) -> dict:
@@ -159,8 +194,7 @@ def import_model(out: str, shared: dict, model: dict, number: int, root: str) ->
 def _read_scene(folder: Path, shared: dict) -> np.ndarray:
     """All photographs of a scene, (F, H, W) uint8, in the order of `FREQUENCIES`."""
     camera = shared["system"]["camera"]
-    steps = zip(FREQUENCIES, shared["frames"], strict=True)
-    names = [f"{name}_{n:02d}.png" for name, f in steps for n in range(f["steps"])]
+    names = _names(f["steps"] for f in shared["frames"])
     missing = [n for n in names if not (folder / n).is_file()]
     if missing:
         raise ValueError(f"{len(missing)} of {len(names)} photographs are missing: {missing[:3]}")

@@ -90,7 +90,6 @@ def make_model(out: str, shared: dict, model: dict, number: int, root: str | Non
         "lit": [0] * len(drawn),
         "white": 0,
         "notes": [],
-        "shards": {},
     }
     try:
         mesh, notes = sources.load(_model(model), root)
@@ -120,8 +119,9 @@ def _see(mesh, shared: dict, record: dict) -> dict[str, np.ndarray]:
         for name, stack in stacks.items():
             stack[k] = getattr(view, name)
         record["lit"][k] = int(view.mask.sum())
-    white = np.rint(255 * stacks["shade"].max().astype(float))
-    record["white"] = int(min(white, 255))
+        if record["lit"][k] >= settings["least"]:
+            white = int(min(np.rint(255 * stacks["shade"][k].max().astype(float)), 255))
+            record["white"] = max(record["white"], white)
     return stacks
 
 

@@ -190,17 +190,17 @@ def read_manifest(path: str | Path) -> dict:
         raise FileNotFoundError(f"{path} given; there is no such folder, a dataset is one")
     try:
         manifest = json.loads((path / MANIFEST).read_bytes())
-        kind, version, complete = (manifest[k] for k in ("format", "version", "complete"))
+        kind, version = manifest["format"], manifest["version"]
     except FileNotFoundError:
         raise ValueError(f"{path} holds no {MANIFEST}; it is not a dataset") from None
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path / MANIFEST} is damaged ({error}); generate anew") from error
-    if kind != FORMAT or not isinstance(version, int):
+    if kind != FORMAT:
         raise ValueError(f"{path} is of the format {kind!r}; {FORMAT} is needed")
-    if version > VERSION:
+    if version not in range(1, VERSION + 1):
         raise ValueError(
             f"{path} has format version {version}; this library reads up to {VERSION}: update it"
         )
-    if complete and manifest.get("seal") != seal(manifest):
+    if manifest.get("complete") is not False and manifest.get("seal") != seal(manifest):
         raise ValueError(f"{path / MANIFEST} is not as it was written; generate anew")
     return manifest

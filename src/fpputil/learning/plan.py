@@ -22,6 +22,7 @@ HELD_OUT = ("camshaft", "fan", "lattice")
 
 ALBEDO = 0.9
 _PACKAGES = ("fpputil", "numpy", "zarr", "numcodecs", "embreex", "manifold3d", "trimesh")
+_DECODERS = ("opencv-python-headless", "numba")
 
 
 def seeded_models(number: int = 500, held_out: int | None = None, seed: int = 0):
@@ -84,8 +85,14 @@ def new_plan(settings: dict, system: System, pitches: dict, models: list[dict], 
         "pitches": pitches,
         "frames": list(frames),
         "models": models,
-        "versions": {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES},
+        "versions": versions(bool(frames)),
     }
+
+
+def versions(decoding: bool = False) -> dict[str, str]:
+    """Versions of all that decides the bytes of a dataset."""
+    packages = _PACKAGES + (_DECODERS if decoding else ())
+    return {"python": platform.python_version()} | {p: version(p) for p in packages}
 
 
 def _check_room(system: System, size: float) -> None:

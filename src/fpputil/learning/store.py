@@ -48,29 +48,38 @@ class Store:
         """Numbers of the views of a split that show enough of their model, (n,) int."""
         if split not in layout.SPLITS:
             raise ValueError(f"split {split!r} given; the splits are {', '.join(layout.SPLITS)}")
+        found = self._numbers(split)
+        if not found:
+            raise ValueError(f"{self.path} holds no view of the split {split!r}")
+        return np.array(found)
+
+    def _numbers(self, split: str) -> list[int]:
         settings, models = self.manifest["settings"], self.manifest["models"]
         pairs = zip(models, self.manifest["records"], strict=True)
-        found = [
+        return [
             number * settings["views"] + k
             for number, (model, record) in enumerate(pairs)
             if model["split"] == split
             for k, lit in enumerate(record["lit"])
             if lit >= settings["least"]
         ]
-        if not found:
-            raise ValueError(f"{self.path} holds no view of the split {split!r}")
-        return np.array(found)
+
+    def _place(self, index: int) -> tuple[int, int]:
+        """Model and pose of a view; ValueError if there is no such view."""
+        models, views = (self.manifest["settings"][k] for k in ("models", "views"))
+        if not 0 <= index < models * views:
+            raise ValueError(f"view {index} given; {self.path} has views 0 to {models * views - 1}")
+        return divmod(int(index), views)
 
     def splits(self) -> list[str]:
-        """Names of the splits that have a model."""
-        held = {m["split"] for m in self.manifest["models"]}
-        return [s for s in layout.SPLITS if s in held]
+        """Names of the splits that have a view to show."""
+        return [s for s in layout.SPLITS if self._numbers(s)]
 
     def array(self, name: str, index: int) -> np.ndarray:
         """One array of one view, (H, W) or for "frames" (F, H, W)."""
         views, *shape = layout.array_shapes(self.manifest)[name][1:]
         dtype = np.dtype(layout.array_kinds(self.manifest)[name])
-        model, view = divmod(int(index), views)
+        model, view = self._place(index)
         file = self.path / name / "c" / "/".join([str(model)] + ["0"] * len(shape))
         try:
             data = layout.read_chunk(file, views, view)
@@ -115,11 +124,19 @@ class Store:
         """
         if not self.fringes:
             return self.view(index).frames(fringes, noise, self.about(index)["noise_seed"])
+        if noise:
+            raise ValueError(f"noise {noise} given; {self.path} holds photographs as they are")
         which = [self.position(f, n) for f in fringes for n in range(f.steps)]
         return self.array("frames", index)[which]
 
     def position(self, fringe: Fringe, step: int) -> int:
-        """Position of a photograph among the stored ones: equal pitch, equal shift."""
+        """Position of a photograph among the stored ones: equal pitch, equal shift.
+
+        Raises
+        ------
+        ValueError
+            If it is not among them.
+        """
         first = 0
         for kept in self.fringes:
             found = np.flatnonzero(np.isclose(kept.shifts, fringe.shifts[step]))
@@ -133,7 +150,7 @@ class Store:
 
     def about(self, index: int) -> dict:
         """Model, split, pose (degrees about the paper's y and z) and noise seed of view `index`."""
-        number, view = divmod(int(index), self.manifest["settings"]["views"])
+        number, view = self._place(index)
         model, record = self.manifest["models"][number], self.manifest["records"][number]
         own = {k: record[k][view] for k in ("pose", "noise_seed") if k in record}
         return {**model, "number": number, **own}
@@ -162,11 +179,13 @@ def check(path: str | Path) -> list[str]:
     files |= store.manifest["metadata"]
     wrong = []
     for name, sha256 in files.items():
-        file = store.path / name
-        if not file.is_file():
+        try:
+            if layout.digest((store.path / name).read_bytes()) != sha256:
+                wrong.append(f"{name}: not as it was written")
+        except FileNotFoundError:
             wrong.append(f"{name}: missing")
-        elif layout.digest(file.read_bytes()) != sha256:
-            wrong.append(f"{name}: not as it was written")
+        except OSError as error:
+            wrong.append(f"{name}: cannot be read ({error.strerror})")
     found = {f.relative_to(store.path).as_posix() for f in store.path.rglob("*") if f.is_file()}
     foreign = sorted(found - set(files) - {layout.MANIFEST, layout.LOCK})
     return wrong + [f"{name}: not part of the dataset" for name in foreign]

@@ -113,14 +113,12 @@ class SynthFringe(Dataset):
         self.store: Store = open_store(path)
         self.indices = self.store.indices(split)
         self.pitches = self.store.manifest["pitches"]
-        self.extremes = extremes or self.store.manifest["extremes"]
-        if self.extremes is None:
-            raise ValueError(
-                f"{path} has no training split to take the extremes from; give those of the "
-                "dataset that the network was trained on: extremes=(low, high)"
-            )
-        self.frames = tuple((_fringe(self.pitches, f, n), step) for f, n, step in frames)
-        self.augmentation, self.threshold = augmentation or Augmentation(), threshold
+        self.extremes = _extremes(self.store, extremes)
+        self.frames = tuple(_frame(self.store, *frame) for frame in frames)
+        if not self.frames:
+            raise ValueError("no frame given; a network needs at least one photograph")
+        self.augmentation = augmentation or Augmentation()
+        self.threshold = not_negative("threshold", threshold, "grey levels")
         self.seed = whole("seed", seed, 0)
         self.Phi_min = minimum_phase(self.store.system, self.pitches["zmin"])
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # workers see it change
@@ -165,7 +163,7 @@ class SynthFringe(Dataset):
         phi = np.stack([phase.wrapped_phase(M, D) for M, D, _ in sums])
         high, mid, zmin, unit = range(4)
         M, D, steps = sums[high]
-        modulation = phase.modulation(M, D, steps)
+        modulation = phase.modulation(M, D, steps) * (1 if stored is None else gain)
         p = self.pitches
         width = self.store.system.projector.width
         _, Phi_t, Phi = mf_tpu(phi[[unit, mid, high]], (p["unit"], p["mid"], p["high"]), width)
@@ -208,10 +206,29 @@ class SynthFringe(Dataset):
         )
 
 
-def _fringe(pitches: dict, name: str, steps: int) -> Fringe:
+def _frame(store: Store, name: str, steps: int, step: int) -> tuple[Fringe, int]:
+    """Fringe and step of a photograph, if the dataset holds or can make it."""
     if name not in FREQUENCIES:
         raise ValueError(f"frequency {name!r} given; the frequencies are {', '.join(FREQUENCIES)}")
-    return Fringe(pitches[name], steps)
+    fringe = Fringe(store.manifest["pitches"][name], steps)
+    if step not in range(steps):
+        raise ValueError(f"step {step} given; a fringe of {steps} steps has steps 0 to {steps - 1}")
+    if store.fringes:
+        store.position(fringe, step)
+    return fringe, step
+
+
+def _extremes(store: Store, given) -> tuple[float, float]:
+    found = store.manifest["extremes"] if given is None else given
+    if found is None:
+        raise ValueError(
+            f"{store.path} has no training split to take the extremes from; give those of the "
+            "dataset that the network was trained on: extremes=(low, high)"
+        )
+    low, high = (float(level) for level in found)
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise ValueError(f"extremes {low}, {high} given; two grey levels, the lower first")
+    return low, high
 
 
 def _image(lit: np.ndarray, values: np.ndarray) -> np.ndarray:
