@@ -35,9 +35,13 @@ def bench_cycles(repeats: int = 7) -> dict:
     def cycles(samples):
         return blender.photograph(mesh, p.system, fringes, samples=samples)
 
+    def coordinates():
+        return blender.see(mesh, p.system).frames(fringes)
+
     agree = np.abs(ours().astype(int) - cycles(1)).max(axis=0) <= 1
     before = [_seconds(ours) for _ in range(repeats)]
     one = float(np.median([_seconds(cycles, 1) for _ in range(3)]))
+    once = float(np.median([_seconds(coordinates) for _ in range(3)]))
     many = _seconds(cycles, 16)
     after = [_seconds(ours) for _ in range(repeats)]
     least = float(np.median(before + after))
@@ -46,6 +50,7 @@ def bench_cycles(repeats: int = 7) -> dict:
         "seconds": least,
         "seconds_before": float(np.median(before)),
         "seconds_after": float(np.median(after)),
+        "see_seconds": once,
         "cycles_1_sample_seconds": one,
         "cycles_16_samples_seconds": many,
         "faster_than_1_sample": one / least,

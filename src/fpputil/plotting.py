@@ -6,6 +6,7 @@ signed error in a diverging one centred on zero. Pixels outside the mask stay bl
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import matplotlib.pyplot as plt
@@ -14,7 +15,7 @@ import trimesh
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from fpputil.optics.pinhole import Pinhole, camera_matrix
+from fpputil.optics.pinhole import Pinhole, looking
 from fpputil.optics.raycast import bvh, raycast
 from fpputil.optics.system import System
 
@@ -160,7 +161,9 @@ def frustum(pinhole: Pinhole, reach: float, radius: float = 1.2) -> trimesh.Trim
 
 
 def _by_pyvista(meshes, look_from, look_at, size, angle):
-    import pyvista
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # tqdm, which it brings along, asks for Jupyter's widgets
+        import pyvista
 
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="three lights")
     plotter.set_background("white")
@@ -177,13 +180,7 @@ def _by_pyvista(meshes, look_from, look_at, size, angle):
 
 def _by_embree(meshes, look_from, look_at, size, angle):
     """The same picture from our own ray caster: the lamp stands at the eye."""
-    width, height = size
-    forward = (look_at - look_from) / np.linalg.norm(look_at - look_from)
-    right = np.cross([0.0, 1.0, 0.0], forward)
-    right /= np.linalg.norm(right)
-    R = np.stack([right, np.cross(forward, right), forward])
-    K = camera_matrix(height / 2 / np.tan(np.radians(angle) / 2), width, height)
-    eye = Pinhole(width, height, K, R, -R @ look_from)
+    eye = looking(look_from, look_at, size, angle)
     whole = trimesh.util.concatenate([m for m, _ in meshes])
     colours = np.array([plt.matplotlib.colors.to_rgb(c) for _, c in meshes])
     owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m, _ in meshes])

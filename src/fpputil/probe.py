@@ -17,7 +17,7 @@ from fpputil.checks import write_whole
 
 _EGL = "vtkEGLRenderWindow"
 _MEMORY = Path(sys.prefix) / ".fpputil-probe.json"
-_PACKAGES = {
+PACKAGES = {
     "pyvista": "libegl1 libegl-mesa0 libgl1-mesa-dri",
     "bpy": "libgl1 libsm6 libice6 libx11-6 libxext6 libxfixes3 libxi6 libxrender1 libxkbcommon0",
 }
@@ -96,7 +96,7 @@ def main() -> None:
             print(f"{title}: works.")
         else:
             print(f"{title}: does not run here; {_FALLBACK[name]}.")
-            print(f"  On Debian: apt install {_PACKAGES[name]}")
+            print(f"  On Debian: apt install {PACKAGES[name]}")
     try:
         write_whole(_MEMORY, json.dumps(works).encode())
     except OSError:

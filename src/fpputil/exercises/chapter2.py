@@ -1,5 +1,7 @@
 """Checkers of chapter 2: the virtual system."""
 
+import numpy as np
+
 from fpputil.exercises import close, exercise
 from fpputil.optics import shapes
 from fpputil.optics.raycast import raycast
@@ -34,3 +36,10 @@ def grey_level(answer):
     camera = preset("tiny").system.camera
     wall = raycast(shapes.plane(500.0), System(camera, camera, 1.0, 1000.0), albedo=0.6)
     return close(answer, wall.plain(quantise=False)[59:61, 79:81].mean(), rtol=2e-3)
+
+
+@exercise("2.6", "f x/(-z) + c_u and f y/z + c_v: ahead is -z, and y points up while rows go down.")
+def pixel_of_the_lamp(answer):
+    projector = preset("paper").system.projector
+    ray = np.array([0.1, 0.05, -1.0]) * (1, -1, -1)
+    return close(answer, projector.project(projector.centre + 1000 * ray @ projector.R), 0.05, 0)

@@ -151,6 +151,43 @@ def camera_matrix(focal: float, width: int, height: int) -> np.ndarray:
     return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
 
 
+def looking(look_from, look_at, size: tuple[int, int], angle: float) -> Pinhole:
+    """The pinhole of a viewer at one point who looks at another.
+
+    Parameters
+    ----------
+    look_from, look_at : (3,) arrays
+        Eye and target, mm. Up in the picture is the world's -y.
+    size : (width, height)
+        Pixels.
+    angle : float
+        Vertical field of view, degrees.
+
+    Returns
+    -------
+    Pinhole
+
+    Raises
+    ------
+    ValueError
+        If the eye is on the target, looks straight up or down, or sees nothing.
+    """
+    look_from, look_at = np.asarray(look_from, np.float64), np.asarray(look_at, np.float64)
+    if not 0 < angle < 180:
+        raise ValueError(f"angle {angle} given; a field of view lies between 0 and 180 degrees")
+    right = np.cross([0.0, 1.0, 0.0], look_at - look_from)
+    if not np.linalg.norm(right) > 0:
+        raise ValueError(
+            f"an eye at {look_from.tolist()} mm that looks at {look_at.tolist()} mm given; its "
+            "direction must not be zero or along y, or the picture has no upper edge"
+        )
+    right /= np.linalg.norm(right)
+    forward = (look_at - look_from) / np.linalg.norm(look_at - look_from)
+    R = np.stack([right, np.cross(forward, right), forward])
+    focal = size[1] / 2 / np.tan(np.radians(angle) / 2)
+    return Pinhole(*size, camera_matrix(focal, *size), R, -R @ look_from)
+
+
 def _check_pinhole(p: Pinhole) -> None:
     if p.K.shape != (3, 3) or p.R.shape != (3, 3) or p.t.shape != (3,):
         raise ValueError(

@@ -12,7 +12,7 @@ from fpputil.checks import positive, whole
 from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.meshes import check_mesh
-from fpputil.optics.pinhole import Pinhole, camera_matrix
+from fpputil.optics.pinhole import Pinhole, looking
 
 
 def picture(
@@ -73,7 +73,7 @@ def picture(
     if projector is not None:
         shaders.check_projector(projector)
         shaders.check_pattern(fringe)
-    eye = _eye(np.asarray(look_from, float), np.asarray(look_at, float), size, angle)
+    eye = looking(look_from, look_at, size, angle)
     with studio.opened(eye, whole("samples", samples, 1)) as (bpy, shoot):
         studio.set_bounces(bpy, 2)
         shaders.daylight(bpy, eye, sky=0.3, sun=0.9)
@@ -113,16 +113,6 @@ def sheets(projector: Pinhole, pitch: float, reach: float) -> trimesh.Trimesh:
     start = np.broadcast_to(projector.centre, (len(columns), 1, 3))
     corners = np.concatenate([start, ends], axis=1).reshape(-1, 3)
     return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
-
-
-def _eye(look_from, look_at, size, angle) -> Pinhole:
-    """The pinhole of a viewer; up is the world's -y."""
-    forward = (look_at - look_from) / np.linalg.norm(look_at - look_from)
-    right = np.cross([0.0, 1.0, 0.0], forward)
-    right /= np.linalg.norm(right)
-    R = np.stack([right, np.cross(forward, right), forward])
-    focal = size[1] / 2 / np.tan(np.radians(angle) / 2)
-    return Pinhole(*size, camera_matrix(focal, *size), R, -R @ look_from)
 
 
 def _stand(bpy, mesh, colour, lamp) -> None:

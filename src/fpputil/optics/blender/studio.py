@@ -45,7 +45,7 @@ def load():
             f"(this is {sys.version_info.major}.{sys.version_info.minor})"
         )
     else:
-        why = f"does not start here; on Debian, apt install {probe._PACKAGES['bpy']}"
+        why = f"does not start here; on Debian, apt install {probe.PACKAGES['bpy']}"
     raise ImportError(f"bpy, Blender as a Python module, {why}")
 
 

@@ -1,0 +1,50 @@
+"""A viewer's pinhole against what a viewer sees."""
+
+import numpy as np
+import pytest
+
+from fpputil.optics.pinhole import looking
+
+SIZE, ANGLE = (320, 240), 30.0
+EYES = {
+    "ahead": ((0, 0, 0), (0, 0, 500)),
+    "from the left, above": ((-400, -300, 0), (0, 20, 650)),
+    "backwards, from below": ((100, 500, 900), (10, 0, 0)),
+}
+
+
+@pytest.mark.parametrize(("look_from", "look_at"), EYES.values(), ids=EYES)
+def test_a_viewer_sees_the_target_in_the_middle_and_up_above(look_from, look_at):
+    eye = looking(look_from, look_at, SIZE, ANGLE)
+    assert (eye.width, eye.height) == SIZE
+    np.testing.assert_allclose(eye.centre, look_from, atol=1e-9)
+    np.testing.assert_allclose(eye.project(look_at), (159.5, 119.5), atol=1e-9)
+    u, v = eye.project(np.array(look_at) - (0, 10, 0))
+    assert u == pytest.approx(159.5) and v < 119.5
+
+
+def test_what_is_to_the_right_is_seen_to_the_right():
+    """Facing along z, x is to the right; facing back, it is to the left."""
+    ahead, back = (looking((0, 0, 0), (0, 0, z), SIZE, ANGLE) for z in (500, -500))
+    assert ahead.project((10, 0, 500))[0] > 160 and back.project((10, 0, -500))[0] < 159
+
+
+def test_the_angle_is_that_from_the_upper_to_the_lower_edge():
+    eye = looking((0, 0, 0), (0, 0, 1), SIZE, ANGLE)
+    edge = 500 * np.tan(np.radians(ANGLE / 2))
+    np.testing.assert_allclose(eye.project((0, -edge, 500)), (159.5, -0.5), atol=1e-9)
+    np.testing.assert_allclose(eye.project((0, edge, 500)), (159.5, 239.5), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("look_from", "look_at", "angle", "says"),
+    [
+        ((1, 2, 3), (1, 2, 3), 30.0, "must not be zero or along y"),
+        ((1, 2, 3), (1, 9, 3), 30.0, "must not be zero or along y"),
+        ((0, 0, 0), (0, 0, 1), 180.0, "angle 180.0 given"),
+        ((0, 0, 0), (0, 0, 1), 0, "angle 0 given"),
+    ],
+)
+def test_eyes_that_see_nothing(look_from, look_at, angle, says):
+    with pytest.raises(ValueError, match=says):
+        looking(look_from, look_at, SIZE, angle)
