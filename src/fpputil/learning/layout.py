@@ -124,13 +124,21 @@ def read_chunk(file: Path, views: int, view: int) -> bytes | None:
     """
     with file.open("rb") as shard:
         shard.seek(-(16 * views + 4), 2)
-        index = CRC32C(location="end").decode(shard.read())
+        index = _checked(shard.read())
         offset, size = index.view("<u8").reshape(views, 2)[view]
         if size == NO_CHUNK:
             return None
         shard.seek(int(offset))
         data = shard.read(int(size))
-    return blosc.decompress(CRC32C(location="end").decode(data))
+    return blosc.decompress(_checked(data))
+
+
+def _checked(data: bytes) -> np.ndarray:
+    """Bytes without the CRC at their end."""
+    try:
+        return CRC32C(location="end").decode(data)
+    except RuntimeError:
+        raise ValueError("its CRC is wrong") from None
 
 
 def empty_stacks(manifest: dict) -> dict[str, np.ndarray]:
