@@ -1,8 +1,8 @@
 """Pinholes and presets against geometry and OpenCV."""
 
 import json
+import os
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -165,12 +165,11 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     table2().save(path)
     before = path.read_text()
 
-    def full_disk(self, data):
-        self.touch()
+    def full_disk(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", full_disk)
-    with pytest.raises(OSError, match="No space"):
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(OSError, match="No space left on device, writing .*system.json"):
         table2(160).save(path)
     assert path.read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["system.json"]
