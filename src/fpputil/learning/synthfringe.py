@@ -187,23 +187,13 @@ class SynthFringe(Dataset):
     def _sums(self, flat: View, lit, stored, name: str, gain: float):
         """M, D (P,) of the lit pixels at one frequency, and the number of steps behind them."""
         if stored is not None:
-            fringe, frames = self._stored_set(stored, self.pitches[name])
-            frames = frames[:, lit]
+            fringe = self.store.fringes[FREQUENCIES.index(name)]
+            which = [self.store.position(fringe, n) for n in range(fringe.steps)]
+            frames = stored[which][:, lit]
         else:
             fringe = Fringe(self.pitches[name], STEPS)
             frames = flat.frames(fringe, gain=gain)[:, 0]
         return *phase.numerator_denominator(frames.astype(np.float32)), fringe.steps
-
-    def _stored_set(self, stored, pitch):
-        first = 0
-        for fringe in self.store.fringes:
-            if fringe.pitch == pitch:
-                return fringe, stored[first : first + fringe.steps]
-            first += fringe.steps
-        raise ValueError(
-            f"pitch {pitch} asked for; {self.store.path} holds photographs of the pitches "
-            f"{[f.pitch for f in self.store.fringes]}"
-        )
 
 
 def _frame(store: Store, name: str, steps: int, step: int) -> tuple[Fringe, int]:

@@ -121,10 +121,7 @@ def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
     face[hit] = _run(tree.scene, camera.centre, rays[hit], "INTERSECT")
     hit = np.flatnonzero(face >= 0)
     if hit.size == 0:
-        low, high = (f(tree.vertices, axis=0).round(1).tolist() for f in (np.min, np.max))
-        raise ValueError(
-            f"mesh from {low} to {high} mm given; it lies outside the view of the camera"
-        )
+        raise outside_view(tree.vertices)
     rays, face = rays[hit], face[hit]
     corners = tree.vertices[tree.faces[face]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -177,11 +174,22 @@ def _albedo(albedo: Albedo, points, face, faces: int) -> np.ndarray:
             "faces, or a function of points (P, 3) that returns (P,)"
         )
     value = value[face] if value.shape == (faces,) and not callable(albedo) else value
-    if not (np.isfinite(value).all() and (value >= 0).all()):
+    check_reflectance(value)
+    return value
+
+
+def outside_view(vertices: np.ndarray) -> ValueError:
+    """The error for a mesh, vertices (V, 3), mm, that no ray of the camera meets."""
+    low, high = (f(vertices, axis=0).round(1).tolist() for f in (np.min, np.max))
+    return ValueError(f"mesh from {low} to {high} mm given; it lies outside the view of the camera")
+
+
+def check_reflectance(albedo: np.ndarray) -> None:
+    """ValueError unless every albedo is finite and 0 or more."""
+    if not (np.isfinite(albedo).all() and (albedo >= 0).all()):
         raise ValueError(
             "albedo with NaN, infinite or negative values given; all must be 0 or more"
         )
-    return value
 
 
 def _finer(camera: Pinhole, s: int) -> Pinhole:

@@ -12,6 +12,7 @@ from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole
+from fpputil.optics.raycast import check_reflectance, outside_view
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -172,16 +173,10 @@ def _albedo(albedo, faces: int) -> np.ndarray:
             f"albedo of shape {value.shape} given; it is a number, or one for each of the {faces} "
             "faces"
         )
-    if not (np.isfinite(value).all() and (value >= 0).all()):
-        raise ValueError(
-            "albedo with NaN, infinite or negative values given; all must be 0 or more"
-        )
+    check_reflectance(value)
     return np.broadcast_to(value, faces)
 
 
 def _check_seen(mesh, light: np.ndarray) -> None:
     if not light[..., 3].any():
-        low, high = (f(mesh.vertices, axis=0).round(1).tolist() for f in (np.min, np.max))
-        raise ValueError(
-            f"mesh from {low} to {high} mm given; it lies outside the view of the camera"
-        )
+        raise outside_view(mesh.vertices)
