@@ -20,7 +20,7 @@ import numba
 import numpy as np
 import trimesh
 
-from benchmarks import cycles, loading
+from benchmarks import cycles, loading, networks
 from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
 from fpputil.optics.fringes import fringe_set
@@ -169,6 +169,8 @@ def main() -> None:
         print("no --peer given: the comparison with `fringes` is left out", file=sys.stderr)
     results["loading tiny"] = loading.bench_loading("tiny", 1000, 12)
     results["loading paper"] = loading.bench_loading("paper", 150, 2)
+    results["training step tiny"] = networks.bench_training()
+    results["measuring 640x480"] = networks.bench_measuring()
     if blender_works():
         results[cycles.TITLE] = cycles.bench_cycles()
     else:

@@ -1,38 +1,13 @@
-"""The command `fpp`: what the library does, from a terminal (chapter 7)."""
+"""`fpp dataset`: make, check, show, export or import a dataset (chapter 7)."""
 
 from __future__ import annotations
 
-import argparse
-import errno
-import sys
 import time
 from pathlib import Path
 
-EPILOG = """exit codes: 0 done, 1 something is wrong with what was given or found, 2 wrong usage,
-130 stopped by Ctrl-C"""
 
-
-def main(argv: list[str] | None = None) -> int:
-    """Run `fpp` with arguments, by default those of the process; returns the exit code."""
-    options = _parser().parse_args(argv)
-    try:
-        return options.run(options) or 0
-    except KeyboardInterrupt:
-        print("\nstopped; the same command goes on from here", file=sys.stderr)
-        return 130
-    except OSError as error:
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-        keeps = "; what is finished stays, the same command goes on" if full else ""
-        print(f"fpp: {error}{keeps}", file=sys.stderr)
-        return 1
-    except (ValueError, RuntimeError, ImportError) as error:
-        print(f"fpp: {error}", file=sys.stderr)
-        return 1
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("fpp", description=__doc__, epilog=EPILOG)
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+def add_to(commands) -> None:
+    """Add the command to those of `fpp`."""
     dataset = commands.add_parser("dataset", help="make, check, show, export or import a dataset")
     verbs = dataset.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _generate_parser(verbs)
@@ -59,7 +34,6 @@ def _parser() -> argparse.ArgumentParser:
     imports.add_argument("--seed", type=int, default=0, help="of the splits (default 0)")
     imports.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     imports.set_defaults(run=_import)
-    return parser
 
 
 def _generate_parser(verbs) -> None:
@@ -180,7 +154,3 @@ def _tell(path: Path, manifest: dict) -> None:
         elif record["notes"]:
             print(f"note on {model['name']}: {'; '.join(record['notes'][:3])}")
     print(f"content {manifest['content']}")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,39 @@
+"""The command `fpp`: what the library does, from a terminal (chapters 7 and 8)."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import sys
+
+from fpputil.cli import dataset, evaluate, train
+
+EPILOG = """exit codes: 0 done, 1 something is wrong with what was given or found, 2 wrong usage,
+130 stopped by Ctrl-C or SIGTERM"""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run `fpp` with arguments, by default those of the process; returns the exit code."""
+    options = _parser().parse_args(argv)
+    try:
+        return options.run(options) or 0
+    except KeyboardInterrupt:
+        print(f"\nstopped; {options.go_on}", file=sys.stderr)
+        return 130
+    except OSError as error:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        keeps = f"; what is finished stays, {options.go_on}" if full else ""
+        print(f"fpp: {error}{keeps}", file=sys.stderr)
+        return 1
+    except (ValueError, RuntimeError, ImportError, FloatingPointError) as error:
+        print(f"fpp: {error}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("fpp", description=__doc__, epilog=EPILOG)
+    parser.set_defaults(go_on="the same command goes on from here")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for part in (dataset, train, evaluate):
+        part.add_to(commands)
+    return parser

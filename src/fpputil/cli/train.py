@@ -1,0 +1,111 @@
+"""`fpp train`: train a network on a dataset, or go on with a run that was stopped (chapter 8)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+METHODS = ("sfnet",)
+OF_METHOD = ("frames", "base", "levels", "dropout", "mixing", "target")
+OF_SETTINGS = (
+    *("epochs", "batch", "rate", "schedule", "decay", "clip", "patience", "validate"),
+    *("seed", "precision", "views"),
+)
+
+
+def add_to(commands) -> None:
+    """Add the command to those of `fpp`."""
+    train = commands.add_parser(
+        "train",
+        help="train a network",
+        description="Leaves in OUT checkpoint.safetensors (every epoch and when stopped), "
+        "weights.safetensors (16 bit, of the best epoch), log.csv and curve.png. What is not "
+        "given is as the preset has it. Several devices: "
+        "torchrun --nproc-per-node N -m fpputil.cli train ...",
+    )
+    train.add_argument("method", choices=METHODS, help="which network")
+    train.add_argument("--data", type=Path, required=True, metavar="PATH", help="the dataset")
+    train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
+    train.add_argument("--preset", default="tiny", help="tiny, small or paper (default tiny)")
+    train.add_argument("--resume", action="store_true", help="go on with the run in OUT")
+    train.add_argument("--start", type=Path, metavar="WEIGHTS",
+                       help="begin with this network, not with random weights")  # fmt: skip
+    train.add_argument("--workers", type=int, default=1, help="processes that load (default 1)")
+    train.add_argument("--device", help="cpu, cuda, cuda:1 ... (default: a GPU if there is one)")
+    train.add_argument("--threads", type=int, help="of the processor (default: all)")
+    _settings(train.add_argument_group("training"))
+    _network(train.add_argument_group("network and losses"))
+    train.set_defaults(run=_train, go_on="the same command with --resume goes on from here")
+
+
+def _settings(group) -> None:
+    group.add_argument("--epochs", type=int, help="at most")
+    group.add_argument("--batch", type=int, help="images a step, over all devices (paper: 8)")
+    group.add_argument("--rate", type=float, help="learning rate, or the highest of one cycle")
+    group.add_argument("--schedule", help="plateau (as the paper) or one-cycle (ours)")
+    group.add_argument("--decay", type=float, help="weight decay of AdamW")
+    group.add_argument("--clip", type=float, help="greatest norm of the gradient")
+    group.add_argument("--patience", type=int, help="epochs without a better one; 0 for never")
+    group.add_argument("--views", type=int, help="training views to use; 0 for all")
+    group.add_argument("--validate", type=int, help="validation views to measure on")
+    group.add_argument("--seed", type=int, help="of weights, order, augmentation, dropout")
+    group.add_argument("--precision", help="float32, bfloat16 or auto")
+
+
+def _network(group) -> None:
+    group.add_argument("--frames", type=int, help="photographs of each pitch: 1, 2 or 3")
+    group.add_argument("--base", type=int, help="channels of the finest level")
+    group.add_argument("--levels", type=int, help="pairs of convolutions in an encoder")
+    group.add_argument("--dropout", type=float, help="share dropped where features are joined")
+    group.add_argument("--mixing", help="none, deepest or 'every level'")
+    group.add_argument("--target", help="components (M and D) or phase")
+    for name in ("phase", "consistency", "geometric"):
+        group.add_argument(f"--{name}", type=float, metavar="W", help=f"weight of the {name} loss")
+    group.add_argument("--modulo", action="store_true",
+                       help="compare absolute phases modulo 2 pi in Eq. 12 (ours)")  # fmt: skip
+    group.add_argument("--mean", action="store_true",
+                       help="average Eq. 14 over the pixels, not add up (ours)")  # fmt: skip
+
+
+def _train(options) -> None:
+    from fpputil.learning.recipes import recipe
+    from fpputil.learning.store import open_store
+    from fpputil.learning.training import fit
+    from fpputil.learning.weights import load_weights
+    from fpputil.optics.system import preset
+
+    method, settings = recipe(options.preset)
+    settings = replace(settings, **_given(options, OF_SETTINGS))
+    weights = _given(options, ("phase", "consistency", "geometric"))
+    weights |= {"order": False} if options.modulo else {}
+    weights |= {"mean": True} if options.mean else {}
+    method = replace(
+        method, weights=replace(method.weights, **weights), **_given(options, OF_METHOD)
+    )
+    manifest = open_store(options.data).manifest
+    wanted = preset(options.preset)
+    if manifest["pitches"]["high"] != wanted.high:
+        raise ValueError(
+            f"{options.data} has a high pitch of {manifest['pitches']['high']}, the preset "
+            f"{options.preset} one of {wanted.high}; name the preset the dataset was made with"
+        )
+    if options.threads is not None:
+        import torch
+
+        torch.set_num_threads(max(1, options.threads))
+    start = None if options.start is None else load_weights(options.start)
+    _, history = fit(
+        method, options.data, settings, options.out, resume=options.resume, start=start,
+        workers=options.workers, device=options.device, progress=True,
+    )  # fmt: skip
+    best = min(history, key=lambda row: row["validation_mae"])
+    print(
+        f"{len(history)} epochs, {sum(row['seconds'] for row in history):.0f} s; best validation "
+        f"MAE {best['validation_mae']:.4f} rad, wrong orders {best['validation_order_errors']:.2%} "
+        f"after epoch {best['epoch']}, in {options.out / 'weights.safetensors'}"
+    )
+
+
+def _given(options, names) -> dict:
+    """The options that were given."""
+    return {k: v for k in names if (v := getattr(options, k)) is not None}

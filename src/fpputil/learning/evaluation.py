@@ -1,0 +1,179 @@
+"""What a trained network measures: phases, depth, and how far off they are (chapter 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.utils.data import DataLoader, Subset
+from tqdm.std import tqdm
+
+from fpputil.decoding.depth import column, save_ply, triangulate
+from fpputil.learning.devices import autocast, precision_of
+from fpputil.learning.methods import Rig
+from fpputil.learning.metrics import Score, errors
+from fpputil.learning.synthfringe import Augmentation, SynthFringe
+from fpputil.learning.weights import Trained
+
+BATCH = 8
+TRUTH = ("mask", "Phi", "phi_r", "depth")
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What a network makes of one view.
+
+    Parameters
+    ----------
+    phi_h, phi_r : (H, W) float32 arrays
+        Wrapped phases of the high pitch and of the refined reference, radians.
+    Phi : (H, W) float32 array
+        Absolute phase of the high pitch, radians.
+    alone : (H, W) float32 array
+        The same from phi_h alone, without phi_r: the control of one photograph.
+    """
+
+    phi_h: np.ndarray
+    phi_r: np.ndarray
+    Phi: np.ndarray
+    alone: np.ndarray
+
+
+@torch.no_grad()
+def measure(trained: Trained, frames, rig: Rig, precision: str = "float32") -> list[Measured]:
+    """Phases of photographs, at every pixel. Chapter 8.
+
+    Parameters
+    ----------
+    trained : Trained
+    frames : (B, F, H, W) tensor or array
+        Photographs, 0 to 1 by the extremes the network was trained with.
+    rig : Rig
+        On the device on which the network is.
+    precision : str
+        "float32" or "bfloat16".
+
+    Returns
+    -------
+    list of B `Measured`
+    """
+    device = rig.Phi_min.device
+    frames = torch.as_tensor(frames, dtype=torch.float32).to(device)
+    if not torch.isfinite(frames).all():
+        raise ValueError("photographs with NaN or infinite pixels given; photograph again")
+    with autocast(device, precision):
+        outputs = trained.network(frames.contiguous(memory_format=torch.channels_last))
+    phi_h, phi_r = trained.method.phases(outputs)
+    maps = (phi_h, phi_r, trained.method.absolute(outputs, rig), rig.one_photograph(phi_h))
+    return [Measured(*maps) for maps in zip(*(m.cpu().numpy() for m in maps), strict=True)]
+
+
+def open_split(
+    trained: Trained,
+    path: str | Path,
+    split: str,
+    augmentation: Augmentation | None = None,
+    seed: int = 0,
+) -> SynthFringe:
+    """A split of a dataset as the network wants its photographs.
+
+    Raises
+    ------
+    ValueError
+        If camera or pitches are not those the network was trained for.
+    """
+    data = SynthFringe(
+        path,
+        split,
+        trained.method.photographs,
+        augmentation,
+        seed,
+        extremes=trained.about["extremes"],
+    )
+    camera = data.store.system.camera
+    found = {"pitches": dict(data.pitches), "camera": [camera.height, camera.width]}
+    for name, value in found.items():
+        if value != trained.about[name]:
+            raise ValueError(
+                f"the dataset has {name} {value}, the network was trained for "
+                f"{trained.about[name]}; a network measures only what it was trained for"
+            )
+    return data
+
+
+def predictions(
+    trained: Trained,
+    data: SynthFringe,
+    *,
+    views: Sequence[int] | None = None,
+    workers: int = 0,
+    device: str = "cpu",
+    precision: str = "float32",
+    progress: bool = False,
+) -> Iterator[tuple[dict[str, np.ndarray], Measured]]:
+    """Views of a split, and what the network makes of each.
+
+    Parameters
+    ----------
+    views : sequence of int, optional
+        Positions in the split; by default all.
+
+    Yields
+    ------
+    item, Measured
+        The item of `SynthFringe` as arrays.
+    """
+    where = torch.device(device)
+    precision = precision_of(precision, where)
+    rig = Rig.of(data.store.system, data.pitches).to(where)
+    trained.network.to(where, memory_format=torch.channels_last)
+    chosen = data if views is None else Subset(data, views)
+    loader = DataLoader(chosen, BATCH, num_workers=workers)
+    with tqdm(total=len(chosen), unit="view", disable=not progress, leave=False) as bar:
+        for batch in loader:
+            found = measure(trained, batch["frames"], rig, precision)
+            arrays = {k: v.numpy() for k, v in batch.items()}
+            for k, one in enumerate(found):
+                yield {name: values[k] for name, values in arrays.items()}, one
+            bar.update(len(found))
+
+
+def evaluate(trained: Trained, data: SynthFringe, **how) -> tuple[Score, Score]:
+    """Errors over a split: of the network, and of its phi_h without a second photograph.
+
+    Parameters
+    ----------
+    trained : Trained
+    data : SynthFringe
+        From `open_split`.
+    **how
+        Options of `predictions`.
+
+    Returns
+    -------
+    Score, Score
+        Two photographs; one.
+    """
+    both, alone = Score(), Score()
+    system, pitch = data.store.system, data.pitches["high"]
+    for item, found in predictions(trained, data, **how):
+        truth = {k: item[k] for k in TRUTH}
+        model = int(item["model"])
+        both.add(model, errors(found.Phi, found.phi_h, found.phi_r, truth, system, pitch))
+        alone.add(model, errors(found.alone, found.phi_h, None, truth, system, pitch))
+    return both, alone
+
+
+def save_points(path: str | Path, item: dict, found: Measured, data: SynthFringe) -> int:
+    """Write the points of one view as PLY, grey as its first photograph; returns their number."""
+    Phi = np.where(item["mask"], found.Phi, np.nan)
+    points = triangulate(column(Phi, data.pitches["high"]), data.store.system)
+    known = np.isfinite(points).all(axis=-1)
+    if not known.any():
+        raise ValueError(f"no point found in view {int(item['index'])}; nothing to write")
+    grey = (255 * item["frames"][0].clip(0, 1)).astype(np.uint8)
+    save_ply(path, points[known], np.repeat(grey[known][:, None], 3, axis=1))
+    return int(known.sum())

@@ -1,0 +1,81 @@
+"""Runs behind the tables of the book, by name (chapter 8).
+
+``python -m fpputil.learning.experiments PATH`` trains the runs of `CHOICES` that are not in
+``data/results/sfnet-choices.json`` yet, on the training split of the dataset in PATH.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from fpputil.checks import write_whole
+from fpputil.learning.devices import hardware
+from fpputil.learning.losses import Weights
+from fpputil.learning.methods import SFNetMethod
+from fpputil.learning.recipes import recipe
+from fpputil.learning.store import open_store
+from fpputil.learning.training import fit
+
+PAPER = SFNetMethod()
+OURS = recipe("tiny")[0]
+CHOICES = {
+    "losses as the paper's, joined deepest": (PAPER, 0),
+    "absolute phase modulo 2 pi": (replace(PAPER, weights=Weights(order=False)), 0),
+    "mean, not sum, in Eq. 14": (replace(PAPER, weights=Weights(mean=True)), 0),
+    "both": (replace(PAPER, weights=Weights(order=False, mean=True)), 0),
+    "both, joined at every level": (OURS, 0),
+    "both, joined at every level, seed 1": (OURS, 1),
+    "both, joined nowhere": (replace(OURS, mixing="none"), 0),
+    "both, every level, phase predicted": (replace(OURS, target="phase"), 0),
+}
+"""Method and seed of each run."""
+
+SHORT = replace(recipe("tiny")[1], epochs=1, rate=2e-3, views=3600, validate=400)
+RESULTS = Path("data/results/sfnet-choices.json")
+
+
+def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 1) -> dict:
+    """Train what is missing in the JSON file `path`, one run after the other.
+
+    Returns
+    -------
+    dict
+        data (checksum), views, hardware, and runs: of each name mae, rmse (radians),
+        order_errors (0 to 1) on validation views, seconds and seed.
+
+    Raises
+    ------
+    ValueError
+        If the file holds runs on another dataset.
+    """
+    path, content = Path(path), open_store(data).manifest["content"]
+    found = {"data": content, "views": SHORT.views, "runs": {}}
+    if path.is_file():
+        found = json.loads(path.read_text())
+        if found["data"] != content:
+            raise ValueError(f"{path} holds runs on the dataset {found['data']}, not {content}")
+    for name, (method, seed) in CHOICES.items():
+        if name in found["runs"]:
+            continue
+        _, history = fit(method, data, replace(SHORT, seed=seed), workers=workers, progress=True)
+        last = history[-1]
+        found["runs"][name] = {
+            "mae": last["validation_mae"],
+            "rmse": last["validation_rmse"],
+            "order_errors": last["validation_order_errors"],
+            "seconds": last["seconds"],
+            "seed": seed,
+            "method": method.settings(),
+        }
+        found["hardware"] = hardware(torch.device("cpu"))
+        write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
+    return found
+
+
+if __name__ == "__main__":
+    run_choices(sys.argv[1])

@@ -1,0 +1,148 @@
+"""The losses of SFNet, of predicted against true phases inside the mask (Eq. 12-15; chapter 8).
+
+Everything is computed on the pixels of the mask alone, gathered first: a NaN or a wild number
+outside it can then reach neither a loss nor a gradient. Each loss is one number an image, (B,),
+so that a batch means the same however it is dealt out to several devices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from fpputil.checks import not_negative
+from fpputil.decoding.unwrap import wrap
+
+PAPER_PIXELS = 640 * 480  # the sum of Eq. 14 and its weight belong to pictures of this size
+
+
+@dataclass(frozen=True, eq=False)
+class Pixels:
+    """The pixels of a batch of masks, and which of them are neighbours.
+
+    Parameters
+    ----------
+    mask : (B, H, W) bool tensor
+    image : (P,) int64 tensor
+        Number of the image that each pixel belongs to.
+    across, down : pairs of (Q,) int64 tensors
+        Positions, among the P, of pixels that both lie in the mask side by side.
+    """
+
+    mask: Tensor
+    image: Tensor
+    across: tuple[Tensor, Tensor]
+    down: tuple[Tensor, Tensor]
+
+    @classmethod
+    def of(cls, mask: Tensor) -> Pixels:
+        """Pixels of a mask (B, H, W)."""
+        place = torch.zeros(mask.shape, dtype=torch.int64, device=mask.device)
+        image = torch.nonzero(mask)[:, 0]
+        place[mask] = torch.arange(len(image), device=mask.device)
+        across = mask[..., :, 1:] & mask[..., :, :-1]
+        down = mask[..., 1:, :] & mask[..., :-1, :]
+        return cls(
+            mask,
+            image,
+            (place[..., :, :-1][across], place[..., :, 1:][across]),
+            (place[..., :-1, :][down], place[..., 1:, :][down]),
+        )
+
+    def total(self, values: Tensor, at: Tensor | None = None) -> Tensor:
+        """Sum over each image, (B,), of values (P,), or of values at the pixels `at`."""
+        image = self.image if at is None else self.image[at]
+        return values.new_zeros(len(self.mask)).index_add(0, image, values)
+
+    def mean(self, values: Tensor, at: Tensor | None = None) -> Tensor:
+        """Mean over each image, (B,), 0 where it has no pixel."""
+        return self.total(values, at) / self.total(torch.ones_like(values), at).clamp(min=1)
+
+
+def squared(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
+    """Mean squared error of values (P,): a term of Eq. 12. Chapter 8."""
+    return pixels.mean((predicted - true) ** 2)
+
+
+def wrapped(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
+    """Mean squared error modulo 2 pi of phases (P,): ours, in place of the last term of Eq. 12."""
+    return pixels.mean(wrap(predicted - true) ** 2)
+
+
+def consistency(pixels: Pixels, phi: Tensor, Phi: Tensor) -> Tensor:
+    """Squared difference of gradients, wrapped phi (P,) against true Phi (P,) (Eq. 13). Chapter 8.
+
+    A wrapped phase jumps, so the difference of the gradients is taken modulo 2 pi; that is the
+    difference of the errors of neighbours. It needs both of them inside the mask.
+    """
+
+    def direction(pair):
+        a, b = pair
+        return pixels.mean(wrap((phi[b] - phi[a]) - (Phi[b] - Phi[a])) ** 2, a)
+
+    return direction(pixels.across) + direction(pixels.down)
+
+
+def geometric(pixels: Pixels, Phi: Tensor, *, mean: bool = False) -> Tensor:
+    """Squared differences of neighbouring predicted phases Phi (P,) (Eq. 14). Chapter 8.
+
+    Printed with the true phase, which would be a constant; the predicted one is meant.
+
+    Parameters
+    ----------
+    mean : bool
+        Average over the pairs instead of adding up. The sum is scaled to as many pixels as the
+        paper's pictures have, so that one weight serves every size.
+    """
+    height, width = pixels.mask.shape[-2:]
+    scale = 1 if mean else PAPER_PIXELS / (height * width)
+    gather = pixels.mean if mean else pixels.total
+    pairs = (pixels.across, pixels.down)
+    return scale * sum(gather((Phi[b] - Phi[a]) ** 2, a) for a, b in pairs)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the three losses, and our readings of them (Eq. 15). Chapter 8.
+
+    Parameters
+    ----------
+    phase, consistency, geometric : float
+        The paper's 1, 1e-2, 1e-6.
+    order : bool
+        Whether a wrong fringe order counts in the last term of Eq. 12, as printed; otherwise
+        the absolute phase is compared modulo 2 pi.
+    mean : bool
+        Whether Eq. 14 is averaged over the pairs, not added up.
+    """
+
+    phase: float = 1.0
+    consistency: float = 1e-2
+    geometric: float = 1e-6
+    order: bool = True
+    mean: bool = False
+
+    def __post_init__(self):
+        for name in ("phase", "consistency", "geometric"):
+            not_negative(f"weight of the {name} loss", getattr(self, name))
+
+    def losses(self, pixels: Pixels, components, targets, phi_h, Phi_predicted, Phi) -> dict:
+        """Each loss by name and their weighted "total", (B,) each (Eq. 12-15).
+
+        Parameters
+        ----------
+        components, targets : sequences of (P,) tensors
+            What the network put out and should have: M and D of both pitches.
+        phi_h, Phi_predicted, Phi : (P,) tensors
+            Predicted wrapped phase of the high pitch, predicted and true absolute phase.
+        """
+        compare = squared if self.order else wrapped
+        parts = {
+            "phase": sum(squared(pixels, c, t) for c, t in zip(components, targets, strict=True))
+            + compare(pixels, Phi_predicted, Phi),
+            "consistency": consistency(pixels, phi_h, Phi),
+            "geometric": geometric(pixels, Phi_predicted, mean=self.mean),
+        }
+        return {**parts, "total": sum(getattr(self, k) * v for k, v in parts.items())}

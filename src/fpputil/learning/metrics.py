@@ -1,0 +1,172 @@
+"""How far off: errors in radians and millimetres, wrong fringe orders, spikes (section 6; ch. 8).
+
+Errors are gathered a model, pooled over its pixels; intervals come from drawing models anew,
+because the pixels and the views of one model are alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fpputil.checks import seeded, whole
+from fpputil.decoding.depth import column, depth_of, triangulate
+from fpputil.decoding.unwrap import wrap
+from fpputil.optics.system import System
+
+LEAST_SENSITIVITY = 0.1  # projector columns a mm; below, a depth hardly moves a column
+BINS = np.concatenate([[0], np.geomspace(1e-5, 1e3, 4001)])  # of |error| for medians: 0.46 % wide
+
+
+def spikes(Phi: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Pixels of the mask whose phase is more than pi from the median of their 5 x 5 neighbours.
+
+    Parameters
+    ----------
+    Phi : (H, W) array
+        Absolute phase, radians.
+    mask : (H, W) bool array
+        Neighbours outside it do not count.
+
+    Returns
+    -------
+    (P,) bool array
+        Of the pixels of the mask, in row order.
+    """
+    padded = np.pad(np.where(mask, Phi, np.nan).astype(np.float32), 2, constant_values=np.nan)
+    near = np.lib.stride_tricks.sliding_window_view(padded, (5, 5))[mask].reshape(-1, 25)
+    near = np.sort(near, axis=1)  # NaN last
+    count = np.isfinite(near).sum(axis=1)
+    rows = np.arange(len(near))
+    median = (near[rows, (count - 1) // 2] + near[rows, count // 2]) / 2
+    return np.abs(Phi[mask] - median) > math.pi
+
+
+def errors(Phi, phi_h, phi_r, truth: dict, system: System, pitch: float) -> dict[str, np.ndarray]:
+    """Errors of one view at the pixels of its mask.
+
+    Parameters
+    ----------
+    Phi, phi_h, phi_r : (H, W) arrays or None
+        Predicted absolute phase and, where there are such, wrapped phases, radians.
+    truth : dict
+        mask, Phi, phi_r, depth, (H, W) each, as an item of `SynthFringe` has them.
+    system : System
+    pitch : float
+        High pitch, projector pixels.
+
+    Returns
+    -------
+    dict
+        rad (P,) errors of Phi; mm (Q,) errors of depth where a column moves by more than
+        `LEAST_SENSITIVITY` a millimetre, NaN where ray and plane of light do not meet;
+        insensitive (P,) bool, the others; order, spike, own_spike (P,) bool, wrong fringe orders,
+        spikes, spikes of the truth; high, low (P,) errors of the wrapped phases.
+    """
+    mask = truth["mask"]
+    rad = Phi[mask] - truth["Phi"][mask]
+    sensitive = mask & (system.columns_per_mm(truth["depth"]) > LEAST_SENSITIVITY)
+    found = depth_of(triangulate(column(np.where(mask, Phi, np.nan), pitch), system), system)
+    values = {
+        "rad": rad,
+        "mm": (found - truth["depth"])[sensitive],
+        "insensitive": ~sensitive[mask],
+        "order": np.abs(rad) > math.pi,
+        "spike": spikes(Phi, mask),
+        "own_spike": spikes(truth["Phi"], mask),
+    }
+    if phi_h is not None:
+        values["high"] = wrap(phi_h - truth["Phi"])[mask]
+    if phi_r is not None:
+        values["low"] = wrap(phi_r - truth["phi_r"])[mask]
+    return values
+
+
+@dataclass(eq=False)
+class Score:
+    """Errors gathered by model, and what they come to.
+
+    Parameters
+    ----------
+    models : dict
+        For each model, of each kind of error: number, sum of ``|e|``, sum of squares, histogram.
+    """
+
+    models: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)
+
+    def add(self, model: int, values: dict[str, np.ndarray]) -> None:
+        """Add the errors of one view of a model."""
+        own = self.models.setdefault(int(model), {})
+        for kind, e in values.items():
+            e = np.abs(np.asarray(e, np.float64))
+            known = e[np.isfinite(e)]
+            sums = [len(e), len(known), known.sum(), (known**2).sum()]
+            counts = (
+                np.histogram(known.clip(max=BINS[-1]), BINS)[0] if kind in ("rad", "mm") else []
+            )
+            own[kind] = own.get(kind, 0) + np.concatenate([sums, counts])
+
+    def summary(self, seed: int = 0, draws: int = 1000) -> dict[str, tuple[float, float, float]]:
+        """Each measure with its 95 % bootstrap interval over models: (value, low, high).
+
+        Parameters
+        ----------
+        seed : int
+            Of the draws.
+        draws : int
+            How many times as many models are drawn, with replacement.
+
+        Returns
+        -------
+        dict
+            mae_rad, rmse_rad, median_rad, mae_mm, rmse_mm, median_mm, and shares from 0 to 1:
+            order_errors, spikes, spikes_of_truth, insensitive (left out of the mm), no_depth
+            (of those in mm); mae_high and mae_low of wrapped phases.
+
+        Raises
+        ------
+        ValueError
+            If nothing was added, or no pixel.
+        """
+        whole("draws", draws, 1)
+        if not sum(own["rad"][0] for own in self.models.values()):
+            raise ValueError("no pixel to score; the masks of these views are empty")
+        own = list(self.models.values())
+        drawn = seeded(seed).multinomial(len(own), np.full(len(own), 1 / len(own)), size=draws)
+        times = np.vstack([np.ones(len(own)), drawn])  # the first row takes each model once
+        pooled = {k: times @ np.stack([m[k] for m in own]) for k in own[0]}
+        with np.errstate(invalid="ignore", divide="ignore"):
+            measures = _measures(pooled)
+        return {
+            k: (float(v[0]), *(float(x) for x in np.nanpercentile(v[1:], (2.5, 97.5))))
+            for k, v in measures.items()
+        }
+
+
+def _measures(pooled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Measures, one a row of the pooled sums."""
+    out = {}
+    for unit in ("rad", "mm"):
+        _, number, total, square = pooled[unit][:, :4].T
+        out[f"mae_{unit}"] = total / number
+        out[f"rmse_{unit}"] = np.sqrt(square / number)
+        out[f"median_{unit}"] = _median(pooled[unit][:, 4:])
+    share = {"order": "order_errors", "spike": "spikes", "own_spike": "spikes_of_truth"}
+    for kind, name in {**share, "insensitive": "insensitive"}.items():
+        out[name] = pooled[kind][:, 2] / pooled[kind][:, 1]
+    out["no_depth"] = 1 - pooled["mm"][:, 1] / pooled["mm"][:, 0]
+    for kind in {"high", "low"} & set(pooled):
+        out[f"mae_{kind}"] = pooled[kind][:, 2] / pooled[kind][:, 1]
+    return out
+
+
+def _median(counts: np.ndarray) -> np.ndarray:
+    """Medians of histograms (R, bins) over `BINS`, straight inside a bin."""
+    below = np.cumsum(counts, axis=1)
+    half = below[:, -1] / 2
+    k = (below >= half[:, None]).argmax(axis=1)
+    rows = np.arange(len(counts))
+    inside = (half - (below[rows, k] - counts[rows, k])) / np.maximum(counts[rows, k], 1)
+    return BINS[k] + inside * (BINS[k + 1] - BINS[k])

@@ -1,0 +1,92 @@
+"""Blocks that every network here is built of: encoder, decoder, room for any size (chapter 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+
+def convolutions(before: int, after: int) -> nn.Sequential:
+    """Two 3 x 3 convolutions with stride 1 and zero padding, each followed by ReLU.
+
+    Parameters
+    ----------
+    before, after : int
+        Channels that come in and go out.
+    """
+    pairs = ((before, after), (after, after))
+    layers = [[nn.Conv2d(i, o, 3, padding=1), nn.ReLU(inplace=True)] for i, o in pairs]
+    return nn.Sequential(*sum(layers, []))
+
+
+class Encoder(nn.Module):
+    """Pairs of convolutions with max-pooling between them; channels double, sides halve.
+
+    Parameters
+    ----------
+    frames : int
+        Channels of the input.
+    widths : sequence of int
+        Channels of each level, finest first.
+    """
+
+    def __init__(self, frames: int, widths: Sequence[int]):
+        super().__init__()
+        before = (frames, *widths[:-1])
+        self.levels = nn.ModuleList(map(convolutions, before, widths))
+
+    def forward(self, x: Tensor) -> list[Tensor]:
+        """Features of every level, finest first: (B, widths[k], H / 2^k, W / 2^k)."""
+        features = []
+        for k, level in enumerate(self.levels):
+            x = level(nn.functional.max_pool2d(x, 2) if k else x)
+            features.append(x)
+        return features
+
+
+class Decoder(nn.Module):
+    """Transposed convolutions upward, joined at each level by the features of an encoder.
+
+    Parameters
+    ----------
+    bottom : int
+        Channels of the deepest features.
+    widths : sequence of int
+        Channels of each level, finest first.
+    skips : sequence of int
+        Channels of the features that join at each level but the deepest, finest first.
+    outputs : int
+        Channels of the last, 1 x 1 convolution.
+    """
+
+    def __init__(self, bottom: int, widths: Sequence[int], skips: Sequence[int], outputs: int):
+        super().__init__()
+        below = (*widths[1:-1], bottom)
+        up = [nn.ConvTranspose2d(b, w, 2, stride=2) for b, w in zip(below, widths, strict=False)]
+        self.up = nn.ModuleList(up)
+        self.levels = nn.ModuleList(convolutions(w + s, w) for w, s in zip(widths, skips))  # noqa: B905
+        self.out = nn.Conv2d(widths[0], outputs, 1)
+
+    def forward(self, x: Tensor, features: Sequence[Tensor]) -> Tensor:
+        """Outputs (B, outputs, H, W) of the deepest features and the others', finest first."""
+        for up, level, skip in reversed(list(zip(self.up, self.levels, features))):  # noqa: B905
+            x = level(torch.cat([up(x), skip], 1))
+        with torch.autocast(x.device.type, enabled=False):
+            return self.out(x.float())
+
+
+def padded(frames: Tensor, multiple: int) -> Tensor:
+    """Frames (B, F, H, W) with zeros to the right and below, both sides multiples of `multiple`."""
+    height, width = (-side % multiple for side in frames.shape[-2:])
+    return nn.functional.pad(frames, (0, width, 0, height))
+
+
+def initialise(network: nn.Module) -> nn.Module:
+    """He's normal initialisation for ReLU, biases zero; draws from torch's generator."""
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d):
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)
+    return network

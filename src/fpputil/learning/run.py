@@ -1,0 +1,129 @@
+"""A training run: what changes while it goes on, and what of it lies on disk (chapter 8)."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
+
+from fpputil.learning.checkpoint import read_about, restore, save_checkpoint
+from fpputil.learning.devices import World
+from fpputil.learning.settings import Settings
+from fpputil.learning.weights import Trained, checksum
+
+CHECKPOINT = "checkpoint.safetensors"
+
+
+@dataclass(eq=False)
+class Run:
+    """What changes while a network trains."""
+
+    network: nn.Module
+    optimiser: torch.optim.Optimizer
+    schedule: OneCycleLR | ReduceLROnPlateau
+    history: list[dict]
+    step: int = 0  # in the epoch that is under way
+    sums: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def best(self) -> float:
+        """Least validation MAE so far, radians."""
+        return min((row["validation_mae"] for row in self.history), default=math.inf)
+
+    @property
+    def waited(self) -> int:
+        """Epochs since the best one."""
+        maes = [row["validation_mae"] for row in self.history]
+        return len(maes) - 1 - int(np.argmin(maes)) if maes else 0
+
+    def save(self, out: Path, about: dict) -> None:
+        """Write the checkpoint of the run that `about` describes."""
+        state = {
+            **about,
+            "schedule": _plain(self.schedule.state_dict()),
+            "history": self.history,
+            "step": self.step,
+            "sums": self.sums,
+            "seconds": self.seconds,
+        }
+        save_checkpoint(out / CHECKPOINT, self.network, self.optimiser, state)
+
+    def go_on(self, out: Path) -> None:
+        """Become the run that was saved in `out`."""
+        about = restore(out / CHECKPOINT, self.network, self.optimiser)
+        self.schedule.load_state_dict(about["schedule"])
+        self.history, self.step = about["history"], about["step"]
+        self.sums, self.seconds = about["sums"], about["seconds"]
+
+
+def begin(method, settings: Settings, steps: int, where: World, start: Trained | None) -> Run:
+    """First weights, optimiser and schedule."""
+    torch.manual_seed(settings.seed)
+    network = method.network()
+    if start is not None:
+        network.load_state_dict(start.network.state_dict())
+    network.to(where.device, memory_format=torch.channels_last)
+    optimiser = torch.optim.AdamW(network.parameters(), settings.rate, weight_decay=settings.decay)
+    if settings.schedule == "one-cycle":
+        schedule = OneCycleLR(
+            optimiser, settings.rate, settings.epochs * steps, pct_start=0.15, cycle_momentum=False
+        )
+    else:
+        schedule = ReduceLROnPlateau(optimiser, factor=0.5, patience=settings.patience // 2)
+    return Run(network, optimiser, schedule, [])
+
+
+def describe(method, settings, data, precision: str, start: Trained | None) -> dict:
+    """What a run is: two runs that agree in this end in the same weights.
+
+    Raises
+    ------
+    ValueError
+        If the network to begin with is of another method.
+    """
+    if start is not None and replace(start.method, weights=method.weights) != method:
+        raise ValueError(
+            f"a network of {start.method.settings()} to begin with given; {method.settings()} "
+            "is to be trained"
+        )
+    return {
+        "method": method.settings(),
+        "settings": {**asdict(settings), "augmentation": asdict(settings.augmentation)},
+        "data": data.store.manifest["content"],
+        "precision": precision,
+        "start": None if start is None else checksum(start.network),
+    }
+
+
+def claim(out: Path, about: dict, resume: bool) -> None:
+    """Make the folder `out` that of the run `about` describes.
+
+    Raises
+    ------
+    ValueError
+        If it holds a run and `resume` is not given, or another run is to be resumed.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    if not resume:
+        if (out / CHECKPOINT).is_file():
+            raise ValueError(f"{out} holds a run already; resume it, or name another folder")
+        return
+    saved = read_about(out / CHECKPOINT)
+    for name, value in _plain(about).items():
+        if saved.get(name) != value:
+            raise ValueError(
+                f"the run in {out} has {name} {saved.get(name)}, and {value} is asked for; "
+                "a run is resumed with the settings and data it began with"
+            )
+
+
+def _plain(value):
+    """The value as JSON gives it back."""
+    return json.loads(json.dumps(value))

@@ -1,0 +1,187 @@
+"""The loop over epochs and batches, on one device or several (chapter 8)."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn.parallel import DistributedDataParallel
+from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
+from torch.utils.data import DataLoader
+from tqdm.std import tqdm
+
+from fpputil.learning.batches import Batches
+from fpputil.learning.devices import World, autocast, hardware
+from fpputil.learning.history import write_history
+from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.run import Run
+from fpputil.learning.settings import Settings
+from fpputil.learning.signals import stopping
+from fpputil.learning.synthfringe import SynthFringe
+from fpputil.learning.weights import Trained, save_weights
+
+WEIGHTS = "weights.safetensors"
+
+
+@dataclass(eq=False)
+class Trainer:
+    """A run and all that it works with; `fit` puts it together."""
+
+    method: SFNetMethod
+    settings: Settings
+    rig: Rig
+    where: World
+    precision: str
+    run: Run
+    out: Path | None
+    about: dict
+    data: SynthFringe
+    batches: Batches
+    progress: bool
+
+    def train(self, training: DataLoader, validation: DataLoader) -> None:
+        """Epochs until the last, or until patience ends."""
+        run, settings, batches = self.run, self.settings, self.batches
+        network = run.network
+        if self.where.size > 1:
+            network = DistributedDataParallel(network)
+        every = len(batches) * min(settings.batch, batches.number)
+        done = run.step * every // len(batches)  # of an epoch that was stopped
+        with tqdm(
+            total=settings.epochs * every, initial=len(run.history) * every + done, unit="image",
+            disable=not (self.progress and self.where.rank == 0), smoothing=0.05,
+        ) as bar, stopping() as stopped:  # fmt: skip
+            while len(run.history) < settings.epochs and not self._patience_ended():
+                self.data.set_epoch(len(run.history))
+                batches.epoch, batches.start = len(run.history), run.step
+                self._epoch(network, training, bar, stopped)
+                self._finish_epoch(self._validate(validation), every)
+                bar.set_postfix(self._shown())
+
+    def _patience_ended(self) -> bool:
+        return 0 < self.settings.patience <= self.run.waited
+
+    def _epoch(self, network, loader, bar, stopped) -> None:
+        run, start = self.run, time.perf_counter()
+        before = run.seconds
+        run.network.train()
+        for batch in loader:
+            batch = {k: v.to(self.where.device, non_blocking=True) for k, v in batch.items()}
+            # seed, epoch, batch and process alone decide what dropout drops
+            key = (self.settings.seed, len(run.history), run.step, self.where.rank)
+            torch.manual_seed(int(np.random.SeedSequence(key).generate_state(1)[0]))
+            self._learn(network, batch)
+            run.step += 1
+            run.seconds = before + time.perf_counter() - start
+            bar.update(len(batch["index"]) * self.where.size)
+            bar.set_postfix(self._shown(), refresh=False)
+            if self.where.total(float(bool(stopped)))[0]:
+                self._save()
+                raise KeyboardInterrupt
+
+    def _learn(self, network, batch: dict) -> None:
+        """One step of the optimiser."""
+        run = self.run
+        frames = batch["frames"].contiguous(memory_format=torch.channels_last)
+        with autocast(self.where.device, self.precision):
+            outputs = network(frames)
+        losses = {k: v.mean() for k, v in self.method.losses(outputs, batch, self.rig).items()}
+        if not torch.isfinite(losses["total"]):
+            raise FloatingPointError(
+                f"the loss is {losses['total'].item()} in epoch {len(run.history) + 1}, batch "
+                f"{run.step + 1}; a lower learning rate may help. The last checkpoint stays"
+            )
+        run.optimiser.zero_grad(set_to_none=True)
+        losses["total"].backward()
+        nn.utils.clip_grad_norm_(run.network.parameters(), self.settings.clip)
+        run.optimiser.step()
+        if isinstance(run.schedule, OneCycleLR):
+            run.schedule.step()
+        for k, v in losses.items():
+            run.sums[k] = run.sums.get(k, 0.0) + v.item()
+
+    @torch.no_grad()
+    def _validate(self, loader) -> dict[str, float]:
+        """Errors of the absolute phase over all pixels of the validation views."""
+        self.run.network.eval()
+        number = total = square = wrong = 0.0
+        for batch in loader:
+            batch = {k: v.to(self.where.device) for k, v in batch.items()}
+            frames = batch["frames"].contiguous(memory_format=torch.channels_last)
+            with autocast(self.where.device, self.precision):
+                outputs = self.run.network(frames)
+            Phi = self.method.absolute(outputs, self.rig)
+            e = (Phi - batch["Phi"])[batch["mask"]].abs().double()
+            number += len(e)
+            total, square = total + e.sum().item(), square + (e**2).sum().item()
+            wrong += (e > math.pi).sum().item()
+        number, total, square, wrong = self.where.total(number, total, square, wrong)
+        if not number:
+            raise ValueError("the validation views have empty masks; nothing to measure on")
+        return {
+            "validation_mae": total / number,
+            "validation_rmse": math.sqrt(square / number),
+            "validation_order_errors": wrong / number,
+        }
+
+    def _finish_epoch(self, measured: dict[str, float], images: int) -> None:
+        run = self.run
+        names = sorted(run.sums)
+        sums = self.where.total(*(run.sums[k] for k in names))
+        means = {k: s / (run.step * self.where.size) for k, s in zip(names, sums, strict=True)}
+        if isinstance(run.schedule, ReduceLROnPlateau):
+            run.schedule.step(measured["validation_mae"])
+        better = measured["validation_mae"] < run.best
+        run.history.append(
+            {
+                "epoch": len(run.history) + 1,
+                "images": images * (len(run.history) + 1),
+                "rate": run.optimiser.param_groups[0]["lr"],
+                **means,
+                **measured,
+                "seconds": run.seconds,
+                "images_a_second": images / run.seconds,
+            }
+        )
+        run.step, run.sums, run.seconds = 0, {}, 0.0
+        if self.out is not None and self.where.rank == 0:
+            if better:
+                save_weights(self.out / WEIGHTS, self.trained())
+            write_history(self.out, run.history)
+        self._save()
+
+    def _save(self) -> None:
+        """Checkpoint, by the first process, of what all hold."""
+        if self.out is not None and self.where.rank == 0:
+            self.run.save(self.out, self.about)
+
+    def _shown(self) -> dict[str, str]:
+        run = self.run
+        shown = {"loss": f"{run.sums['total'] / run.step:.3f}"} if run.step else {}
+        if run.history:
+            shown["validation MAE"] = f"{run.history[-1]['validation_mae']:.3f}"
+        return shown
+
+    def trained(self) -> Trained:
+        """The network as it is now, with what one needs to use it."""
+        camera, history = self.rig.system.camera, self.run.history
+        about = {
+            "pitches": self.rig.pitches,
+            "camera": [camera.height, camera.width],
+            "extremes": list(self.data.extremes),
+            "data": self.about["data"],
+            "training": {
+                **{k: self.about[k] for k in ("settings", "precision", "start")},
+                "epochs": len(history),
+                "images": history[-1]["images"] if history else 0,
+                "seconds": round(sum(row["seconds"] for row in history), 1),
+                "validation_mae": history[-1]["validation_mae"] if history else None,
+                "hardware": hardware(self.where.device) | {"processes": self.where.size},
+            },
+        }
+        return Trained(self.method, self.run.network.eval(), about)
