@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
 METHODS = ("sfnet",)
 OF_METHOD = ("frames", "base", "levels", "dropout", "mixing", "target")
 OF_SETTINGS = (
-    *("epochs", "batch", "rate", "schedule", "decay", "clip", "patience", "validate"),
+    *("epochs", "batch", "rate", "schedule", "wait", "decay", "clip", "patience", "validate"),
     *("seed", "precision", "views"),
 )
 
@@ -43,6 +44,7 @@ def _settings(group) -> None:
     group.add_argument("--batch", type=int, help="images a step, over all devices (paper: 8)")
     group.add_argument("--rate", type=float, help="learning rate, or the highest of one cycle")
     group.add_argument("--schedule", help="plateau (as the paper) or one-cycle (ours)")
+    group.add_argument("--wait", type=int, help="epochs without a better one before plateau halves")
     group.add_argument("--decay", type=float, help="weight decay of AdamW")
     group.add_argument("--clip", type=float, help="greatest norm of the gradient")
     group.add_argument("--patience", type=int, help="epochs without a better one; 0 for never")
@@ -68,6 +70,7 @@ def _network(group) -> None:
 
 
 def _train(options) -> None:
+    from fpputil.checks import whole
     from fpputil.learning.recipes import recipe
     from fpputil.learning.store import open_store
     from fpputil.learning.training import fit
@@ -92,12 +95,14 @@ def _train(options) -> None:
     if options.threads is not None:
         import torch
 
-        torch.set_num_threads(max(1, options.threads))
+        torch.set_num_threads(whole("threads", options.threads, 1))
     start = None if options.start is None else load_weights(options.start)
     _, history = fit(
         method, options.data, settings, options.out, resume=options.resume, start=start,
         workers=options.workers, device=options.device, progress=True,
     )  # fmt: skip
+    if int(os.environ.get("RANK", 0)):  # the first of several processes speaks for all
+        return
     best = min(history, key=lambda row: row["validation_mae"])
     print(
         f"{len(history)} epochs, {sum(row['seconds'] for row in history):.0f} s; best validation "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import torch
@@ -67,9 +68,23 @@ def validation_loader(
     return DataLoader(Subset(data, views[rank::ranks]), size, **_processes(workers))
 
 
+@contextmanager
+def closing(*loaders: DataLoader):
+    """End the processes of loaders at the end, come what may.
+
+    They do not end by SIGTERM, so the interpreter would wait for them for ever.
+    """
+    try:
+        yield
+    finally:
+        for loader in loaders:
+            if loader._iterator is not None and loader.num_workers:
+                loader._iterator._shutdown_workers()
+
+
 def _processes(workers: int) -> dict:
     """Options of a loader whose processes leave it to the one that trains when to stop."""
-    if not workers:
+    if not whole("workers", workers, 0):
         return {"num_workers": 0}
     return {"num_workers": workers, "persistent_workers": True, "worker_init_fn": _quiet}
 

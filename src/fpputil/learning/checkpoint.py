@@ -53,18 +53,32 @@ def read_about(path: Path) -> dict:
 
 
 def restore(path: Path, network: nn.Module, optimiser: Optimizer) -> dict:
-    """Put a saved state back into network and optimiser; returns `about`."""
+    """Put a saved state back into network and optimiser; returns `about`.
+
+    Raises
+    ------
+    ValueError
+        If the file is cut or foreign, or its tensors are not those of this network.
+    """
     about, tensors = read_about(path), load(path.read_bytes())
-    inside = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
-    network.load_state_dict(inside)
     weights = [p for group in optimiser.param_groups for p in group["params"]]
+    trained = any(name.startswith("optimiser.") for name in tensors)
+    needed = {f"network.{k}": v.shape for k, v in network.state_dict().items()}
+    for k, weight in enumerate(weights if trained else ()):
+        shapes = ((), weight.shape, weight.shape)
+        needed |= {f"optimiser.{k}.{m}": s for m, s in zip(MOMENTS, shapes, strict=True)}
+    found = {name: tensor.shape for name, tensor in tensors.items()}
+    wrong = sorted(k for k in needed | found if needed.get(k) != found.get(k))
+    if wrong:
+        raise ValueError(
+            f"{path} does not fit this network: {wrong[0]} and {len(wrong) - 1} more tensors "
+            "are missing, extra or of another shape"
+        )
+    network.load_state_dict({k: tensors[f"network.{k}"] for k in network.state_dict()})
     state = {}
-    for k, weight in enumerate(weights):
-        if f"optimiser.{k}.step" in tensors:
-            moments = {name: tensors[f"optimiser.{k}.{name}"] for name in MOMENTS}
-            # in the memory layout of the weights, channels last or not
-            for name in MOMENTS[1:]:
-                moments[name] = torch.empty_like(weight).copy_(moments[name])
-            state[k] = moments
+    for k, weight in enumerate(weights if trained else ()):
+        state[k] = {name: tensors[f"optimiser.{k}.{name}"] for name in MOMENTS}
+        for name in MOMENTS[1:]:  # in the memory layout of the weights, channels last or not
+            state[k][name] = torch.empty_like(weight).copy_(state[k][name])
     optimiser.load_state_dict({"state": state, "param_groups": about["groups"]})
     return about

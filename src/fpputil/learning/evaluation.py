@@ -11,6 +11,7 @@ import torch
 from torch.utils.data import DataLoader, Subset
 from tqdm.std import tqdm
 
+from fpputil.checks import whole
 from fpputil.decoding.depth import column, save_ply, triangulate
 from fpputil.learning.devices import autocast, precision_of
 from fpputil.learning.methods import Rig
@@ -83,8 +84,11 @@ def open_split(
     Raises
     ------
     ValueError
-        If camera or pitches are not those the network was trained for.
+        If camera or pitches are not those the network was trained for, or it does not say.
     """
+    lacking = [k for k in ("pitches", "camera", "extremes") if k not in trained.about]
+    if lacking:
+        raise ValueError(f"these weights do not say for which {lacking[0]} they are")
     data = SynthFringe(
         path,
         split,
@@ -131,7 +135,7 @@ def predictions(
     rig = Rig.of(data.store.system, data.pitches).to(where)
     trained.network.to(where, memory_format=torch.channels_last)
     chosen = data if views is None else Subset(data, views)
-    loader = DataLoader(chosen, BATCH, num_workers=workers)
+    loader = DataLoader(chosen, BATCH, num_workers=whole("workers", workers, 0))
     with tqdm(total=len(chosen), unit="view", disable=not progress, leave=False) as bar:
         for batch in loader:
             found = measure(trained, batch["frames"], rig, precision)

@@ -91,6 +91,8 @@ class SFNetMethod:
             raise ValueError(f"{self.frames} frames of each pitch given; 1, 2 or 3 are needed")
         if self.target not in ("components", "phase"):
             raise ValueError(f"target {self.target!r} given; components or phase is needed")
+        with torch.device("meta"):
+            self.network()  # its options are checked there
 
     @property
     def photographs(self) -> tuple[Frame, ...]:

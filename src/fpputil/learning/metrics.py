@@ -139,10 +139,14 @@ class Score:
         pooled = {k: times @ np.stack([m[k] for m in own]) for k in own[0]}
         with np.errstate(invalid="ignore", divide="ignore"):
             measures = _measures(pooled)
-        return {
-            k: (float(v[0]), *(float(x) for x in np.nanpercentile(v[1:], (2.5, 97.5))))
-            for k, v in measures.items()
-        }
+        return {k: (float(v[0]), *_interval(v[1:])) for k, v in measures.items()}
+
+
+def _interval(values: np.ndarray) -> tuple[float, float]:
+    """Percentiles 2.5 and 97.5 of the finite values; NaN if there is none."""
+    values = values[np.isfinite(values)]
+    low, high = np.percentile(values, (2.5, 97.5)) if len(values) else (np.nan, np.nan)
+    return float(low), float(high)
 
 
 def _measures(pooled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -163,10 +167,11 @@ def _measures(pooled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _median(counts: np.ndarray) -> np.ndarray:
-    """Medians of histograms (R, bins) over `BINS`, straight inside a bin."""
+    """Medians of histograms (R, bins) over `BINS`, straight inside a bin; NaN of empty ones."""
     below = np.cumsum(counts, axis=1)
     half = below[:, -1] / 2
     k = (below >= half[:, None]).argmax(axis=1)
     rows = np.arange(len(counts))
     inside = (half - (below[rows, k] - counts[rows, k])) / np.maximum(counts[rows, k], 1)
-    return BINS[k] + inside * (BINS[k + 1] - BINS[k])
+    medians = BINS[k] + inside * (BINS[k + 1] - BINS[k])
+    return np.where(below[:, -1] > 0, medians, np.nan)

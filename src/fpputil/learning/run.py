@@ -76,7 +76,10 @@ def begin(method, settings: Settings, steps: int, where: World, start: Trained |
             optimiser, settings.rate, settings.epochs * steps, pct_start=0.15, cycle_momentum=False
         )
     else:
-        schedule = ReduceLROnPlateau(optimiser, factor=0.5, patience=settings.patience // 2)
+        # torch counts the epochs it lets pass, not the one after which it acts
+        schedule = ReduceLROnPlateau(
+            optimiser, factor=0.5, patience=settings.wait - 1, threshold=0.0
+        )
     return Run(network, optimiser, schedule, [])
 
 
@@ -115,13 +118,24 @@ def claim(out: Path, about: dict, resume: bool) -> None:
         if (out / CHECKPOINT).is_file():
             raise ValueError(f"{out} holds a run already; resume it, or name another folder")
         return
-    saved = read_about(out / CHECKPOINT)
-    for name, value in _plain(about).items():
-        if saved.get(name) != value:
-            raise ValueError(
-                f"the run in {out} has {name} {saved.get(name)}, and {value} is asked for; "
-                "a run is resumed with the settings and data it began with"
-            )
+    saved, wanted = read_about(out / CHECKPOINT), _plain(about)
+    other = list(_differences({k: saved.get(k) for k in wanted}, wanted))
+    if other:
+        name, before, now = other[0]
+        raise ValueError(
+            f"the run in {out} has {name} {before}, and {now} is asked for; a run is resumed with "
+            "the settings and data it began with"
+        )
+
+
+def _differences(a, b, name: str = ""):
+    """Names, joined by dots, and both values of what differs between two nested dicts."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in {**a, **b}:
+            inner = f"{name}.{key}" if name else key
+            yield from _differences(a.get(key), b.get(key), inner)
+    elif a != b:
+        yield name, a, b
 
 
 def _plain(value):

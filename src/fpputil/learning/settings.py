@@ -26,8 +26,9 @@ class Settings:
     rate : float
         Learning rate of AdamW, the highest of a one-cycle schedule. Not in the paper.
     schedule : str
-        "plateau", `ReduceLROnPlateau` as in the paper (halved after `patience` / 2 epochs without
-        a better validation MAE), or "one-cycle", ours for short runs.
+        "plateau", `ReduceLROnPlateau` as in the paper, or "one-cycle", ours for short runs.
+    wait : int
+        Epochs without a better validation MAE after which "plateau" halves the rate.
     decay : float
         Weight decay of AdamW.
     clip : float
@@ -50,6 +51,7 @@ class Settings:
     batch: int = 8
     rate: float = 1e-3
     schedule: str = "plateau"
+    wait: int = 10
     decay: float = 1e-2
     clip: float = 1.0
     patience: int = 20
@@ -60,7 +62,7 @@ class Settings:
     precision: str = "auto"
 
     def __post_init__(self):
-        for name in ("epochs", "batch", "validate"):
+        for name in ("epochs", "batch", "validate", "wait"):
             whole(name, getattr(self, name), 1)
         for name in ("views", "patience", "seed"):
             whole(name, getattr(self, name), 0)

@@ -6,7 +6,14 @@ from pathlib import Path
 
 import torch
 
-from fpputil.learning.batches import Batches, spread, training_loader, validation_loader
+from fpputil.checks import whole
+from fpputil.learning.batches import (
+    Batches,
+    closing,
+    spread,
+    training_loader,
+    validation_loader,
+)
 from fpputil.learning.devices import precision_of, world
 from fpputil.learning.methods import Rig, SFNetMethod
 from fpputil.learning.run import begin, claim, describe
@@ -65,7 +72,7 @@ def fit(
     KeyboardInterrupt
         After Ctrl-C or SIGTERM, when the checkpoint is written.
     """
-    out = None if out is None else Path(out)
+    out, workers = None if out is None else Path(out), whole("workers", workers, 0)
     if resume and out is None:
         raise ValueError("resume without a folder given; a run is resumed from its folder")
     with world(device) as where, torch.random.fork_rng():
@@ -87,8 +94,10 @@ def fit(
             method, settings, rig, where, precision, run, out, about, data, batches, progress
         )
         share = (min(workers, 1), where.rank, where.size)
-        trainer.train(
+        loaders = (
             training_loader(data, batches, workers),
             validation_loader(checked, spread(checked, settings.validate), settings.batch, *share),
         )
+        with closing(*loaders):
+            trainer.train(*loaders)
         return trainer.trained(), run.history

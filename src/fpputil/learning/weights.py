@@ -120,7 +120,7 @@ def method_of(settings, path) -> SFNetMethod:
         known = {f.name for f in fields(SFNetMethod)}
         if set(given) != known:
             raise ValueError(f"settings {sorted(given)} found, {sorted(known)} needed")
-        return SFNetMethod(**given)
+        return SFNetMethod(**given)  # which checks its options
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} describes no method of this version: {error}") from error
 

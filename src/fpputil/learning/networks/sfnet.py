@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from fpputil.checks import whole
+from fpputil.checks import not_negative, whole
 from fpputil.learning.networks.unet import Decoder, Encoder, initialise, padded
 
 MIXING = ("none", "deepest", "every level")
@@ -28,7 +28,7 @@ class SFNet(nn.Module):
         Whose features a decoder sees: of its own encoder ("none", row A of Table 4), of both at
         the "deepest" level (as the paper's text has it), or of both at "every level".
     outputs : int
-        Channels each decoder ends in: 2 for M and D, 1 for a phase predicted directly.
+        Channels each decoder ends in, 1 or more: 2 for M and D, 1 for a phase predicted directly.
 
     Raises
     ------
@@ -51,9 +51,9 @@ class SFNet(nn.Module):
             raise ValueError(f"frames {frames} given; one number for each of the two pitches")
         if mixing not in MIXING:
             raise ValueError(f"mixing {mixing!r} given; one of {', '.join(MIXING)} is needed")
-        if not 0 <= dropout < 1:
+        if not_negative("dropout", dropout) >= 1:
             raise ValueError(f"dropout {dropout} given; a share from 0 to below 1 is needed")
-        self.mixing = mixing
+        self.mixing, outputs = mixing, whole("outputs", outputs, 1)
         widths = [whole("base", base, 1) * 2**k for k in range(whole("levels", levels, 2))]
         bottom = widths[-1] * (1 if mixing == "none" else 2)
         skips = [w * (2 if mixing == "every level" else 1) for w in widths[:-1]]

@@ -1,0 +1,618 @@
+"""Training: equal runs end alike, stopped ones go on as if they had not been, none is lost."""
+
+import contextlib
+import functools
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from multiprocessing import active_children
+
+import numpy as np
+import pytest
+import torch
+from matplotlib.figure import Figure
+from safetensors.torch import load_file
+
+from fpputil.cli import main
+from fpputil.learning.batches import Batches, spread, training_loader, validation_loader
+from fpputil.learning.checkpoint import read_about
+from fpputil.learning.devices import precision_of, world
+from fpputil.learning.generate import generate
+from fpputil.learning.history import read_history, write_history
+from fpputil.learning.losses import Weights
+from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.plan import seeded_models
+from fpputil.learning.recipes import CAMERA, recipe
+from fpputil.learning.settings import Settings
+from fpputil.learning.signals import stopping
+from fpputil.learning.synthfringe import SynthFringe
+from fpputil.learning.trainer import Trainer
+from fpputil.learning.training import fit
+from fpputil.learning.weights import load_weights
+
+METHOD = SFNetMethod(base=2, levels=2)
+SHORT = Settings(
+    epochs=2, batch=5, rate=3e-3, validate=2, precision="float32", augmentation=CAMERA
+)  # three batches an epoch, of 16 images one waits
+CHECKPOINT, WEIGHTS = "checkpoint.safetensors", "weights.safetensors"
+
+
+def no_picture(figure, file, **options):
+    file.write(b"no picture")
+
+
+@pytest.fixture(autouse=True)
+def small_and_quick(monkeypatch):
+    """One thread; no drawing, which takes longer than a small epoch; no process left behind."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    monkeypatch.setattr(Figure, "savefig", no_picture)
+    yield
+    torch.set_num_threads(before)
+    with contextlib.suppress(RuntimeError):  # torch watches its workers
+        for process in active_children():
+            process.kill()  # or the tests would never end
+            process.join()
+
+
+def same(a, b):
+    """Whether two networks, or two files of tensors, are equal bit by bit."""
+    a, b = (load_file(x) if isinstance(x, os.PathLike) else x.state_dict() for x in (a, b))
+    return a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
+
+
+def without_times(history):
+    return [{k: v for k, v in row.items() if "second" not in k} for row in history]
+
+
+@pytest.fixture(scope="module")
+def runs(small_set, tmp_path_factory):
+    """Runs that nothing disturbed: of a schedule its settings, folder, network and history."""
+
+    @functools.cache
+    def run(schedule):
+        torch.set_num_threads(1)
+        settings = replace(SHORT, schedule=schedule)
+        out = tmp_path_factory.mktemp(schedule) / "run"
+        return settings, out, *fit(METHOD, small_set, settings, out)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def whole(runs):
+    return runs("plateau")
+
+
+def test_a_network_learns(small_set):
+    settings = replace(SHORT, epochs=6, batch=4)
+    trained, history = fit(SFNetMethod(base=4, levels=3, dropout=0.0), small_set, settings)
+    assert [row["epoch"] for row in history] == [1, 2, 3, 4, 5, 6]
+    assert history[-1]["total"] < 0.75 * history[0]["total"]
+    assert history[-1]["validation_mae"] < 0.8 * history[0]["validation_mae"]
+    assert not trained.network.training
+
+
+@pytest.mark.parametrize("schedule", ["plateau", "one-cycle"])
+def test_equal_runs_are_equal_and_leave_the_generator_alone(runs, small_set, schedule):
+    settings, _, trained, history = runs(schedule)
+    torch.manual_seed(99)
+    before = torch.get_rng_state()
+    again, repeated = fit(METHOD, small_set, settings)
+    assert torch.equal(torch.get_rng_state(), before)
+    assert same(trained.network, again.network)
+    assert without_times(history) == without_times(repeated)
+    other, _ = fit(METHOD, small_set, replace(settings, seed=1, views=5))
+    assert not same(trained.network, other.network)
+
+
+def test_a_process_that_loads_changes_nothing(whole, small_set):
+    settings, _, trained, history = whole
+    again, repeated = fit(METHOD, small_set, settings, workers=1)
+    assert same(trained.network, again.network)
+    assert without_times(history) == without_times(repeated)
+
+
+def test_what_a_run_leaves_behind(small_set, tmp_path, monkeypatch):
+    """Four files, and no process for which the command would wait for ever."""
+    monkeypatch.undo()  # draw
+    out = tmp_path / "run"
+    trained, history = fit(METHOD, small_set, replace(QUICK, epochs=2), out, workers=1)
+    assert not active_children()
+    assert {f.name for f in out.iterdir()} == {CHECKPOINT, WEIGHTS, "log.csv", "curve.png"}
+    assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
+    assert read_history(out / "log.csv") == history
+    lines = (out / "log.csv").read_text().splitlines()
+    assert len(lines) == 3 and lines[0].split(",") == list(history[0])
+    last = load_file(out / CHECKPOINT)
+    for name, tensor in trained.network.state_dict().items():
+        assert torch.equal(tensor, last[f"network.{name}"])
+
+
+def test_a_stopped_run_leaves_no_process_behind(small_set, tmp_path, monkeypatch):
+    monkeypatch.undo()
+    interrupt(monkeypatch, 2)
+    with pytest.raises(KeyboardInterrupt):
+        fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path, workers=1)
+    assert not active_children()
+
+
+def test_rows_of_the_log(whole, small_set):
+    settings, _, trained, history = whole
+    weights = METHOD.weights
+    for k, row in enumerate(history, 1):
+        assert row["epoch"] == k and row["images"] == 15 * k
+        total = sum(getattr(weights, n) * row[n] for n in ("phase", "consistency", "geometric"))
+        assert row["total"] == pytest.approx(total, rel=1e-5)
+        assert row["images_a_second"] == pytest.approx(15 / row["seconds"], rel=1e-6)
+    data = SynthFringe(small_set, "validation", METHOD.photographs, extremes=(0, 244))
+    rig = Rig.of(data.store.system, data.pitches)
+    batch = {k: torch.stack([data[n][k] for n in range(len(data))]) for k in data[0]}
+    with torch.no_grad():
+        Phi = METHOD.absolute(trained.network(batch["frames"]), rig)
+    e = (Phi - batch["Phi"])[batch["mask"]].double().abs()
+    assert history[-1]["validation_mae"] == pytest.approx(e.mean().item(), rel=1e-4)
+    assert history[-1]["validation_rmse"] == pytest.approx(
+        e.square().mean().sqrt().item(), rel=1e-4
+    )
+    wrong = (e > math.pi).double().mean().item()
+    assert history[-1]["validation_order_errors"] == pytest.approx(wrong, rel=1e-4)
+
+
+def test_weights_say_what_they_were_trained_with(whole, small_set):
+    settings, out, _, history = whole
+    saved = load_weights(out / WEIGHTS)
+    best = min(history, key=lambda row: row["validation_mae"])["epoch"]
+    data = SynthFringe(small_set, "training")
+    assert saved.method == METHOD
+    assert saved.about["pitches"] == data.pitches and saved.about["camera"] == [120, 160]
+    assert saved.about["extremes"] == list(data.extremes)
+    assert saved.about["data"] == data.store.manifest["content"]
+    training = saved.about["training"]
+    assert training["settings"]["rate"] == settings.rate and training["precision"] == "float32"
+    assert training["epochs"] == best and training["images"] == 15 * best
+    assert training["validation_mae"] == history[best - 1]["validation_mae"]
+    assert training["hardware"]["threads"] == 1 and training["hardware"]["processes"] == 1
+
+
+def interrupt(monkeypatch, at, number=signal.SIGTERM):
+    """Send this process a signal in the middle of the batch `at`, counted from 1."""
+    losses, count = SFNetMethod.losses, iter(range(1, 10**9))
+
+    def stopped(self, *given):
+        if next(count) == at:
+            os.kill(os.getpid(), number)
+        return losses(self, *given)
+
+    monkeypatch.setattr(SFNetMethod, "losses", stopped)
+
+
+@pytest.mark.parametrize(
+    "schedule, at, number, workers",
+    [
+        ("plateau", 1, signal.SIGINT, 0),
+        ("one-cycle", 3, signal.SIGTERM, 0),  # the last of the first epoch
+        ("plateau", 5, signal.SIGINT, 1),
+        ("one-cycle", 5, signal.SIGTERM, 0),
+        ("one-cycle", 6, signal.SIGTERM, 0),  # the last of all
+    ],
+)
+def test_a_stopped_run_goes_on_as_if_it_had_not(
+    runs, small_set, tmp_path, monkeypatch, schedule, at, number, workers
+):
+    settings, out, trained, history = runs(schedule)
+    with monkeypatch.context() as patched:
+        interrupt(patched, at, number)
+        with pytest.raises(KeyboardInterrupt):
+            fit(METHOD, small_set, settings, tmp_path, workers=workers)
+    about = read_about(tmp_path / CHECKPOINT)
+    assert (len(about["history"]), about["step"]) == ((at - 1) // 3, (at - 1) % 3 + 1)
+    torch.manual_seed(at)
+    again, repeated = fit(METHOD, small_set, settings, tmp_path, resume=True)
+    assert same(again.network, trained.network)
+    assert same(tmp_path / CHECKPOINT, out / CHECKPOINT)
+    assert same(tmp_path / WEIGHTS, out / WEIGHTS)
+    assert without_times(repeated) == without_times(history)
+    assert without_times(read_history(tmp_path / "log.csv")) == without_times(history)
+
+
+def test_a_run_may_be_stopped_twice(whole, small_set, tmp_path, monkeypatch):
+    settings, out, *_ = whole
+    for resume, at in ((False, 2), (True, 3)):
+        with monkeypatch.context() as patched:
+            interrupt(patched, at)
+            with pytest.raises(KeyboardInterrupt):
+                fit(METHOD, small_set, settings, tmp_path, resume=resume)
+    fit(METHOD, small_set, settings, tmp_path, resume=True)
+    assert same(tmp_path / CHECKPOINT, out / CHECKPOINT)
+
+
+def test_a_finished_run_is_resumed_to_what_it_was(whole, small_set):
+    settings, out, trained, history = whole
+    before = (out / CHECKPOINT).read_bytes()
+    again, repeated = fit(METHOD, small_set, settings, out, resume=True)
+    assert repeated == history and same(again.network, trained.network)
+    assert (out / CHECKPOINT).read_bytes() == before
+
+
+OPTIONS = (
+    *("--epochs", "4", "--batch", "4", "--base", "2", "--levels", "2", "--validate", "2"),
+    *("--precision", "float32", "--threads", "1", "--workers", "0"),
+)
+
+
+@pytest.fixture(scope="module")
+def commanded(small_set, tmp_path_factory):
+    """Four epochs by the command, undisturbed."""
+    out = tmp_path_factory.mktemp("commanded") / "run"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Figure, "savefig", no_picture)
+        assert main(["train", "sfnet", "--data", str(small_set), "--out", str(out), *OPTIONS]) == 0
+    return out
+
+
+@contextlib.contextmanager
+def started(call, **options):
+    """A process of its own group, of which nothing is left behind."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", *call],
+        stderr=subprocess.PIPE, text=True, start_new_session=True, **options,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+@pytest.mark.parametrize("number, to_all", [(signal.SIGKILL, False), (signal.SIGTERM, True)])
+def test_a_command_that_was_killed_goes_on(commanded, small_set, tmp_path, number, to_all):
+    """kill -9 of the command, and SIGTERM to all its processes, as clusters and systemd send it."""
+    out = tmp_path / "run"
+    call = ["train", "sfnet", "--data", str(small_set), "--out", str(out), *OPTIONS]
+    with started(["fpputil.cli", *call, "--workers", "1"]) as process:
+        end = time.monotonic() + 100
+        while not (out / CHECKPOINT).is_file():
+            assert process.poll() is None and time.monotonic() < end, process.stderr.read()
+            time.sleep(0.01)
+        (os.killpg if to_all else os.kill)(process.pid, number)
+        said = process.communicate(timeout=30)[1]
+    assert process.returncode == (130 if number == signal.SIGTERM else -9), said
+    if number == signal.SIGTERM:
+        assert "stopped; the same command with --resume goes on from here" in said
+        assert "Traceback" not in said
+    assert len(read_about(out / CHECKPOINT)["history"]) in (1, 2, 3)
+    assert main([*call, "--resume"]) == 0
+    assert same(out / CHECKPOINT, commanded / CHECKPOINT)
+    assert same(out / WEIGHTS, commanded / WEIGHTS)
+
+
+def measured_as(monkeypatch, maes):
+    """Let validation find these MAEs, epoch by epoch."""
+    values = iter(maes)
+
+    def validate(self, loader):
+        names = ("validation_mae", "validation_rmse", "validation_order_errors")
+        return dict.fromkeys(names, next(values))
+
+    monkeypatch.setattr(Trainer, "_validate", validate)
+
+
+QUICK = replace(SHORT, epochs=20, views=3, validate=1, batch=3)
+
+
+@pytest.mark.parametrize(
+    "patience, maes, epochs",
+    [(2, [5, 4, 4, 4, 3], 4), (3, [5, 6, 6, 4, 5, 6, 7, 0], 7), (0, [1] + [2] * 7, 8)],
+)
+def test_patience_ends(small_set, monkeypatch, patience, maes, epochs):
+    """After so many epochs without a better one; never at 0."""
+    measured_as(monkeypatch, maes)
+    settings = replace(QUICK, patience=patience, epochs=len(maes))
+    _, history = fit(METHOD, small_set, settings)
+    assert [row["validation_mae"] for row in history] == maes[:epochs]
+
+
+def test_patience_goes_on_after_a_stop(small_set, monkeypatch, tmp_path):
+    settings = replace(QUICK, patience=3)
+    measured_as(monkeypatch, [5, 6])
+    with monkeypatch.context() as patched:
+        interrupt(patched, 3)
+        with pytest.raises(KeyboardInterrupt):
+            fit(METHOD, small_set, settings, tmp_path)
+    measured_as(monkeypatch, [7, 8, 0])
+    _, history = fit(METHOD, small_set, settings, tmp_path, resume=True)
+    assert [row["validation_mae"] for row in history] == [5, 6, 7, 8]
+
+
+def test_a_plateau_halves_the_rate(small_set, monkeypatch):
+    """After so many epochs without a better one; a better one starts the count anew."""
+    measured_as(monkeypatch, [9, 9, 8, 8, 8, 8, 8])
+    settings = replace(QUICK, wait=2, rate=1e-3, epochs=7)
+    _, history = fit(METHOD, small_set, settings)
+    rates = [row["rate"] for row in history]
+    assert rates == [1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4]
+
+
+def test_without_patience_a_plateau_does_not_halve_at_every_turn(small_set, monkeypatch):
+    """Patience 0 means never to stop, not to lose patience at once."""
+    measured_as(monkeypatch, [5, 5.1, 5, 5.1])
+    _, history = fit(METHOD, small_set, replace(QUICK, patience=0, rate=1e-3, epochs=4))
+    assert history[-1]["rate"] == 1e-3
+
+
+def test_one_cycle_rises_to_the_rate_and_falls_to_nothing(small_set):
+    settings = replace(QUICK, schedule="one-cycle", epochs=12, views=4, batch=2, rate=1e-2)
+    _, history = fit(METHOD, small_set, settings)
+    rates = [row["rate"] for row in history]
+    k = np.arange(2, 24, 2)  # two steps an epoch; 24 in all, the rise in the first 15 %
+    up, all_steps = 0.15 * 24 - 1, 23
+    t = np.where(k < up, k / up, (k - up) / (all_steps - up))
+    low, high = np.where(k < up, 1e-2 / 25, 1e-2), np.where(k < up, 1e-2, 1e-2 / 25e4)
+    expected = high + (low - high) * (1 + np.cos(np.pi * t)) / 2
+    np.testing.assert_allclose(rates[:-1], expected, rtol=1e-6)
+    assert rates[-1] < 1e-4
+
+
+def test_the_best_epoch_is_kept(small_set, monkeypatch, tmp_path):
+    measured_as(monkeypatch, [3, 1, 2])
+    fit(METHOD, small_set, replace(QUICK, epochs=3), tmp_path)
+    measured_as(monkeypatch, [3, 1])
+    best, _ = fit(METHOD, small_set, replace(QUICK, epochs=2))
+    kept = load_file(tmp_path / WEIGHTS)
+    for name, tensor in best.network.state_dict().items():
+        assert torch.equal(tensor.half(), kept[name])
+
+
+@pytest.mark.parametrize("at, epoch, batch", [(1, 1, 1), (5, 2, 2)])
+def test_a_loss_that_is_not_finite_ends_the_run(small_set, tmp_path, monkeypatch, at, epoch, batch):
+    losses, count = SFNetMethod.losses, iter(range(1, 99))
+
+    def spoilt(self, *given):
+        found = losses(self, *given)
+        return found | {"total": found["total"] * (math.nan if next(count) == at else 1)}
+
+    monkeypatch.setattr(SFNetMethod, "losses", spoilt)
+    with pytest.raises(FloatingPointError, match=f"nan in epoch {epoch}, batch {batch}"):
+        fit(METHOD, small_set, SHORT, tmp_path)
+    if epoch > 1:
+        about = read_about(tmp_path / CHECKPOINT)
+        assert len(about["history"]) == epoch - 1 and about["step"] == 0
+        assert all(torch.isfinite(t).all() for t in load_file(tmp_path / CHECKPOINT).values())
+
+
+def test_a_rate_far_too_high_ends_the_run(small_set):
+    with pytest.raises(FloatingPointError, match=r"epoch 1, batch [23]; a lower learning rate"):
+        fit(METHOD, small_set, replace(SHORT, rate=1e20))
+
+
+def test_bfloat16_trains_as_well(small_set):
+    settings = replace(SHORT, epochs=1, views=8, batch=4, precision="bfloat16")
+    trained, (row,) = fit(METHOD, small_set, settings)
+    _, (exact,) = fit(METHOD, small_set, replace(settings, precision="float32"))
+    assert row["total"] == pytest.approx(exact["total"], rel=0.1) and row["total"] != exact["total"]
+    assert {p.dtype for p in trained.network.parameters()} == {torch.float32}
+
+
+def test_a_run_is_not_overwritten(whole, small_set):
+    settings, out, *_ = whole
+    before = {f.name: f.read_bytes() for f in out.iterdir()}
+    with pytest.raises(ValueError, match=f"{out} holds a run already; resume it"):
+        fit(METHOD, small_set, settings, out)
+    assert {f.name: f.read_bytes() for f in out.iterdir()} == before
+
+
+def test_a_run_begins_with_a_network_that_is_given(whole, small_set, tmp_path):
+    settings, out, trained, _ = whole
+    first = replace(settings, epochs=1, rate=1e-12, decay=0.0)
+    begun, _ = fit(METHOD, small_set, first, tmp_path, start=trained)
+    for name, tensor in begun.network.state_dict().items():
+        torch.testing.assert_close(tensor, trained.network.state_dict()[name], rtol=0, atol=1e-9)
+    with pytest.raises(ValueError, match="start"):
+        fit(METHOD, small_set, first, tmp_path, resume=True)
+    with pytest.raises(ValueError, match="to begin with given"):
+        fit(replace(METHOD, base=3), small_set, first, start=trained)
+    other = replace(METHOD, weights=Weights(order=False))
+    fit(other, small_set, replace(first, views=5), start=trained)
+
+
+def test_a_part_of_the_views(small_set):
+    data = SynthFringe(small_set, "training")
+    for views, images in ((7, 6), (99, len(data) // 3 * 3)):
+        settings = replace(SHORT, epochs=1, views=views, batch=3)
+        _, (row,) = fit(METHOD, small_set, settings)
+        assert row["images"] == images
+
+
+CHANGES = [
+    ({"settings": {"rate": 0.007}}, "rate", "0.003", "0.007"),
+    ({"settings": {"epochs": 77}}, "epochs", "2", "77"),
+    ({"settings": {"augmentation": replace(CAMERA, noise=(0.0, 3.5))}}, "noise", "2.0", "3.5"),
+    ({"settings": {"precision": "bfloat16"}}, "precision", "float32", "bfloat16"),
+    ({"method": {"base": 3}}, "base", "2", "3"),
+    ({"method": {"weights": Weights(order=False)}}, "order", "True", "False"),
+]
+
+
+@pytest.mark.parametrize("changes, name, old, new", CHANGES)
+def test_a_run_is_resumed_with_its_own_settings_alone(whole, small_set, changes, name, old, new):
+    """The message names the setting, both values, and nothing that agrees."""
+    settings, out, *_ = whole
+    method = replace(METHOD, **changes.get("method", {}))
+    settings = replace(settings, **changes.get("settings", {}))
+    with pytest.raises(ValueError, match="a run is resumed with") as error:
+        fit(method, small_set, settings, out, resume=True)
+    said = str(error.value)
+    assert name in said and old in said and new in said
+    assert "clip" not in said and "dropout" not in said
+
+
+def test_a_run_is_resumed_with_its_own_data_alone(whole, tmp_path):
+    settings, out, *_ = whole
+    generate(tmp_path / "other", "tiny", *seeded_models(3, 0), views=2)
+    with pytest.raises(ValueError, match=r"the run in .* has data .*, and .* is asked for"):
+        fit(METHOD, tmp_path / "other", settings, out, resume=True)
+
+
+def test_nothing_to_resume(small_set, tmp_path):
+    with pytest.raises(FileNotFoundError, match="no run to resume"):
+        fit(METHOD, small_set, SHORT, tmp_path / "none", resume=True)
+    with pytest.raises(ValueError, match="resume without a folder"):
+        fit(METHOD, small_set, SHORT, resume=True)
+
+
+def test_a_checkpoint_that_is_cut_is_named(whole, small_set, tmp_path):
+    settings, out, *_ = whole
+    (tmp_path / CHECKPOINT).write_bytes((out / CHECKPOINT).read_bytes()[:-7])
+    with pytest.raises(ValueError, match=f"{tmp_path / CHECKPOINT} is cut"):
+        fit(METHOD, small_set, settings, tmp_path, resume=True)
+
+
+def test_batches_of_an_epoch():
+    """Every image at most once, the rest at the end left over; other orders in other epochs."""
+    batches = Batches(16, 5, seed=3)
+    assert len(batches) == 3
+    first = list(batches)
+    assert [len(b) for b in first] == [5, 5, 5]
+    assert len(set(sum(first, []))) == 15 and set(sum(first, [])) < set(range(16))
+    assert list(batches) == first
+    batches.epoch = 1
+    assert list(batches) != first
+    batches.epoch, batches.start = 0, 2
+    assert list(batches) == first[2:]
+    batches.start = 3
+    assert list(batches) == []
+    assert list(Batches(16, 5, seed=4)) != first
+    assert [sorted(b) for b in Batches(3, 8, seed=0)] == [[0, 1, 2]]
+    waited = set()
+    batches.start = 0
+    for epoch in range(60):
+        batches.epoch = epoch
+        waited |= set(range(16)) - set(sum(batches, []))
+    assert waited == set(range(16))  # no image is left over for ever
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_processes_share_each_batch(ranks):
+    whole = list(Batches(23, 8, seed=1))
+    parts = [list(Batches(23, 8, 1, rank, ranks)) for rank in range(ranks)]
+    for k, batch in enumerate(whole):
+        shares = [p[k] for p in parts]
+        assert {len(s) for s in shares} == {8 // ranks}
+        assert sorted(sum(shares, [])) == sorted(batch)
+
+
+@pytest.mark.parametrize("number, size, ranks", [(16, 5, 2), (3, 8, 2)])
+def test_batches_that_cannot_be_shared(number, size, ranks):
+    with pytest.raises(ValueError, match=f"for {ranks} processes given"):
+        Batches(number, size, 0, 0, ranks)
+
+
+def test_loaders(small_set):
+    data = SynthFringe(small_set, "training")
+    batches = Batches(len(data), 5, seed=3)
+    seen = [b["index"].tolist() for b in training_loader(data, batches, 0)]
+    assert seen == [data.indices[b].tolist() for b in batches]
+    assert spread(data, 4) == [0, 5, 10, 15] and spread(data, 1) == [0]
+    assert spread(data, 16) == spread(data, 99) == list(range(16))
+    with pytest.raises(ValueError, match="views 0 given"):
+        spread(data, 0)
+    views = [1, 4, 9, 11, 15]
+    shares = [
+        sum((b["index"].tolist() for b in validation_loader(data, views, 2, 0, rank, 2)), [])
+        for rank in (0, 1)
+    ]
+    assert shares == [data.indices[[1, 9, 15]].tolist(), data.indices[[4, 11]].tolist()]
+
+
+@pytest.mark.parametrize(
+    "options, said",
+    [
+        ({"epochs": 0}, "epochs 0 given"),
+        ({"batch": 0}, "batch 0 given"),
+        ({"batch": 2.5}, "batch 2.5 given"),
+        ({"validate": 0}, "validate 0 given"),
+        ({"patience": -1}, "patience -1 given"),
+        ({"views": -1}, "views -1 given"),
+        ({"seed": -1}, "seed -1 given"),
+        ({"rate": 0}, "rate 0 given"),
+        ({"rate": math.nan}, "rate nan given"),
+        ({"clip": 0}, "clip 0 given"),
+        ({"decay": -1}, "decay -1 given"),
+        ({"schedule": "cosine"}, "schedule 'cosine' given; plateau or one-cycle"),
+        ({"precision": "half"}, "precision 'half' given; float32, bfloat16 or auto"),
+    ],
+)
+def test_wrong_settings_are_named(options, said):
+    with pytest.raises(ValueError, match=said):
+        Settings(**options)
+
+
+def test_recipes():
+    for name in ("tiny", "small"):
+        method, settings = recipe(name)
+        assert isinstance(method, SFNetMethod) and settings.augmentation == CAMERA
+        assert (settings.schedule, settings.patience) == ("one-cycle", 0)
+    method, settings = recipe("paper")
+    assert (method.levels, method.frames, method.mixing) == (6, 1, "deepest")
+    assert method.weights == Weights(1.0, 1e-2, 1e-6, order=True, mean=False)
+    assert (settings.epochs, settings.schedule, settings.batch) == (250, "plateau", 8)
+    with pytest.raises(ValueError, match="preset 'huge' given; the presets are tiny, small, paper"):
+        recipe("huge")
+
+
+def test_devices():
+    with world() as alone:
+        assert (alone.rank, alone.size) == (0, 1)
+        assert alone.total(1.5, 2) == [1.5, 2.0]
+    cpu = torch.device("cpu")
+    assert precision_of("float32", cpu) == "float32" and precision_of("bfloat16", cpu) == "bfloat16"
+    assert precision_of("auto", cpu) in ("float32", "bfloat16")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_waits_and_a_second_does_not(number):
+    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+    with pytest.raises(KeyboardInterrupt):
+        with stopping() as caught:
+            assert not caught
+            os.kill(os.getpid(), number)
+            assert caught == [number]
+            os.kill(os.getpid(), signal.SIGINT)
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_other_threads_train_as_well():
+    seen = []
+
+    def work():
+        with stopping() as caught:
+            seen.append(list(caught))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [[]]
+
+
+def test_a_log_is_read_as_it_was_written(tmp_path):
+    names = ("images", "total", "validation_mae", "validation_order_errors")
+    rows = [dict(zip(names, values, strict=True))
+            for values in ((16, 0.1 + 0.2, 3.0, 0.5), (32, 1e-9, 1 / 3, 0.0))]  # fmt: skip
+    write_history(tmp_path, rows)
+    assert read_history(tmp_path / "log.csv") == rows
+
+
+@pytest.mark.parametrize(
+    "text", ["", "images,total\n", "a,b\n1,2\n", "images\nmany\n", "images\n1,2\n"]
+)
+def test_another_table_is_no_log(tmp_path, text):
+    (tmp_path / "log.csv").write_text(text)
+    with pytest.raises(ValueError, match=f"{tmp_path / 'log.csv'} is no log of a training run"):
+        read_history(tmp_path / "log.csv")
