@@ -13,7 +13,6 @@ import platform
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numba
@@ -21,6 +20,7 @@ import numpy as np
 import trimesh
 
 from benchmarks import cycles, loading, networks
+from benchmarks.timing import median_seconds
 from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
 from fpputil.optics.fringes import fringe_set
@@ -30,17 +30,6 @@ from fpputil.probe import blender_works
 
 HERE = Path(__file__).parent
 PITCHES, STEPS, WIDTH = (912, 114, 15), 15, 912
-
-
-def median_seconds(*actions, repeats: int = 15) -> list[float]:
-    """Median time of each action; the actions take turns, so that a drift hits all alike."""
-    times = [[] for _ in actions]
-    for _ in range(repeats + 1):
-        for action, spent in zip(actions, times, strict=True):
-            start = time.perf_counter()
-            action()
-            spent.append(time.perf_counter() - start)
-    return [float(np.median(t[1:])) for t in times]
 
 
 def frames_of(height: int, width: int) -> np.ndarray:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch.utils.data import DataLoader
 
+from benchmarks.timing import median_seconds
 from fpputil.decoding.decoder import decode
 from fpputil.learning.devices import PRECISIONS, autocast, bfloat16_unit
 from fpputil.learning.evaluation import measure
@@ -40,7 +40,7 @@ def training_seconds(data: SynthFringe, batch: dict, precisions, repeats: int) -
         method.losses(outputs, batch, rig)["total"].mean().backward()
         optimiser.step()
 
-    return _medians([lambda p=p: step(p) for p in precisions], repeats)
+    return median_seconds(*(lambda p=p: step(p) for p in precisions), repeats=repeats)
 
 
 def bench_training(repeats: int = 15) -> dict:
@@ -70,7 +70,9 @@ def bench_measuring(base: int = 16, repeats: int = 7) -> dict:
     many = np.random.default_rng(0).integers(0, 255, (45, 480, 640), np.uint8)
     fringes = fringe_set(p.descending)
     ways = [lambda k=k: measure(trained, two, rig, k) for k in PRECISIONS]
-    single, half, classical = _medians([*ways, lambda: decode(many, fringes, 912)], repeats)
+    single, half, classical = median_seconds(
+        *ways, lambda: decode(many, fringes, 912), repeats=repeats
+    )
     shots_two, shots_many = (n / FRAMES_A_SECOND for n in (2, 45))
     return {
         "float32_seconds": single,
@@ -83,14 +85,3 @@ def bench_measuring(base: int = 16, repeats: int = 7) -> dict:
         "bfloat16_unit": bfloat16_unit(CPU),
         "threads": torch.get_num_threads(),
     }
-
-
-def _medians(actions, repeats: int) -> list[float]:
-    """Median seconds of each action; they take turns, so that a drift hits all alike."""
-    times = [[] for _ in actions]
-    for _ in range(repeats + 1):
-        for action, spent in zip(actions, times, strict=True):
-            start = time.perf_counter()
-            action()
-            spent.append(time.perf_counter() - start)
-    return [float(np.median(t[1:])) for t in times]

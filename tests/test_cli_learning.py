@@ -7,6 +7,7 @@ import pytest
 import safetensors
 import torch
 import trimesh
+from matplotlib.figure import Figure
 from safetensors.torch import load_file, save_file
 
 from fpputil.cli import main
@@ -24,10 +25,13 @@ SMALL = (
 )
 
 
-@pytest.fixture(autouse=True)
-def same_threads():
+@pytest.fixture(scope="module", autouse=True)
+def small_and_quick():
+    """Threads as they were; no drawing, which takes longer than a small epoch."""
     before = torch.get_num_threads()
-    yield
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Figure, "savefig", lambda self, file, **_: file.write(b"no picture"))
+        yield
     torch.set_num_threads(before)
 
 
@@ -75,14 +79,34 @@ def test_train_says_how_it_went(data, tmp_path, capsys):
 def test_every_option_of_train_arrives(data, tmp_path):
     given = (
         *("--rate", "0.002", "--schedule", "plateau", "--decay", "0.5", "--clip", "2"),
-        *("--patience", "7", "--views", "3", "--batch", "3", "--seed", "11", "--frames", "2"),
+        *(
+            "--wait",
+            "3",
+            "--patience",
+            "7",
+            "--views",
+            "3",
+            "--batch",
+            "3",
+            "--seed",
+            "11",
+            "--frames",
+            "2",
+        ),
         *("--dropout", "0.25", "--mixing", "none", "--target", "phase", "--phase", "2"),
         *("--consistency", "0.5", "--geometric", "0.25", "--modulo", "--mean"),
     )
     assert train(data, tmp_path / "run", *given) == 0
     about = read_about(tmp_path / "run/checkpoint.safetensors")
     settings, method = about["settings"], about["method"]
-    wanted = {"rate": 0.002, "schedule": "plateau", "decay": 0.5, "clip": 2, "patience": 7}
+    wanted = {
+        "rate": 0.002,
+        "schedule": "plateau",
+        "decay": 0.5,
+        "clip": 2,
+        "patience": 7,
+        "wait": 3,
+    }
     wanted |= {"views": 3, "batch": 3, "seed": 11, "epochs": 1, "validate": 2}
     assert {k: settings[k] for k in wanted} == wanted
     wanted = {"frames": 2, "dropout": 0.25, "mixing": "none", "target": "phase", "base": 2}

@@ -97,8 +97,8 @@ def test_the_interval_is_that_of_another_bootstrap():
     """Whole models drawn anew, their pixels put in a row."""
     own = models(12)
     rng = np.random.default_rng(5)
-    drawn = [np.concatenate([own[k] for k in rng.choice(12, 12)]) for _ in range(4000)]
-    found = score_of(*((k, view(e)) for k, e in enumerate(own))).summary(draws=4000)
+    drawn = [np.concatenate([own[k] for k in rng.choice(12, 12)]) for _ in range(2000)]
+    found = score_of(*((k, view(e)) for k, e in enumerate(own))).summary(draws=2000)
     for name, measure, near in (
         ("mae_rad", np.mean, 0.03),
         ("rmse_rad", lambda e: math.sqrt((e**2).mean()), 0.03),

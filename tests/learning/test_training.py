@@ -90,11 +90,11 @@ def whole(runs):
 
 
 def test_a_network_learns(small_set):
-    settings = replace(SHORT, epochs=6, batch=4)
-    trained, history = fit(SFNetMethod(base=4, levels=3, dropout=0.0), small_set, settings)
-    assert [row["epoch"] for row in history] == [1, 2, 3, 4, 5, 6]
-    assert history[-1]["total"] < 0.75 * history[0]["total"]
-    assert history[-1]["validation_mae"] < 0.8 * history[0]["validation_mae"]
+    method = SFNetMethod(base=4, levels=3, dropout=0.0, weights=Weights(order=False, mean=True))
+    trained, history = fit(method, small_set, replace(SHORT, epochs=5, batch=4, seed=2))
+    assert [row["epoch"] for row in history] == [1, 2, 3, 4, 5]
+    assert history[-1]["total"] < 0.65 * history[0]["total"]
+    assert history[-1]["validation_mae"] < 0.85 * history[0]["validation_mae"]
     assert not trained.network.training
 
 
@@ -109,6 +109,23 @@ def test_equal_runs_are_equal_and_leave_the_generator_alone(runs, small_set, sch
     assert without_times(history) == without_times(repeated)
     other, _ = fit(METHOD, small_set, replace(settings, seed=1, views=5))
     assert not same(trained.network, other.network)
+
+
+def test_another_epoch_is_another_order_and_another_camera(small_set, monkeypatch):
+    losses, seen = SFNetMethod.losses, []
+
+    def watched(self, outputs, batch, rig):
+        seen.append(dict(zip(batch["index"].tolist(), batch["frames"], strict=True)))
+        return losses(self, outputs, batch, rig)
+
+    monkeypatch.setattr(SFNetMethod, "losses", watched)
+    for workers in (0, 1):
+        seen.clear()
+        fit(METHOD, small_set, replace(SHORT, views=6, batch=3, validate=1), workers=workers)
+        orders = [list(a) + list(b) for a, b in (seen[:2], seen[2:])]
+        assert sorted(orders[0]) == sorted(orders[1]) and orders[0] != orders[1]
+        first, second = seen[0] | seen[1], seen[2] | seen[3]
+        assert not any(torch.equal(first[k], second[k]) for k in first)
 
 
 def test_a_process_that_loads_changes_nothing(whole, small_set):
@@ -241,14 +258,14 @@ def test_a_finished_run_is_resumed_to_what_it_was(whole, small_set):
 
 
 OPTIONS = (
-    *("--epochs", "4", "--batch", "4", "--base", "2", "--levels", "2", "--validate", "2"),
+    *("--epochs", "3", "--batch", "4", "--base", "2", "--levels", "2", "--validate", "2"),
     *("--precision", "float32", "--threads", "1", "--workers", "0"),
 )
 
 
 @pytest.fixture(scope="module")
 def commanded(small_set, tmp_path_factory):
-    """Four epochs by the command, undisturbed."""
+    """Three epochs by the command, undisturbed."""
     out = tmp_path_factory.mktemp("commanded") / "run"
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(Figure, "savefig", no_picture)
@@ -282,12 +299,12 @@ def test_a_command_that_was_killed_goes_on(commanded, small_set, tmp_path, numbe
             assert process.poll() is None and time.monotonic() < end, process.stderr.read()
             time.sleep(0.01)
         (os.killpg if to_all else os.kill)(process.pid, number)
-        said = process.communicate(timeout=30)[1]
+        said = process.communicate(timeout=90)[1]
     assert process.returncode == (130 if number == signal.SIGTERM else -9), said
     if number == signal.SIGTERM:
         assert "stopped; the same command with --resume goes on from here" in said
         assert "Traceback" not in said
-    assert len(read_about(out / CHECKPOINT)["history"]) in (1, 2, 3)
+    assert len(read_about(out / CHECKPOINT)["history"]) in (1, 2)
     assert main([*call, "--resume"]) == 0
     assert same(out / CHECKPOINT, commanded / CHECKPOINT)
     assert same(out / WEIGHTS, commanded / WEIGHTS)
@@ -333,18 +350,11 @@ def test_patience_goes_on_after_a_stop(small_set, monkeypatch, tmp_path):
 
 def test_a_plateau_halves_the_rate(small_set, monkeypatch):
     """After so many epochs without a better one; a better one starts the count anew."""
-    measured_as(monkeypatch, [9, 9, 8, 8, 8, 8, 8])
-    settings = replace(QUICK, wait=2, rate=1e-3, epochs=7)
+    measured_as(monkeypatch, [9, 9, 8, 8, 8, 8, 8, 7.9999, 8])
+    settings = replace(QUICK, wait=2, patience=0, rate=1e-3, epochs=9)
     _, history = fit(METHOD, small_set, settings)
-    rates = [row["rate"] for row in history]
-    assert rates == [1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4]
-
-
-def test_without_patience_a_plateau_does_not_halve_at_every_turn(small_set, monkeypatch):
-    """Patience 0 means never to stop, not to lose patience at once."""
-    measured_as(monkeypatch, [5, 5.1, 5, 5.1])
-    _, history = fit(METHOD, small_set, replace(QUICK, patience=0, rate=1e-3, epochs=4))
-    assert history[-1]["rate"] == 1e-3
+    rates = [1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4, 2.5e-4, 2.5e-4]
+    assert [row["rate"] for row in history] == rates
 
 
 def test_one_cycle_rises_to_the_rate_and_falls_to_nothing(small_set):
@@ -358,6 +368,18 @@ def test_one_cycle_rises_to_the_rate_and_falls_to_nothing(small_set):
     expected = high + (low - high) * (1 + np.cos(np.pi * t)) / 2
     np.testing.assert_allclose(rates[:-1], expected, rtol=1e-6)
     assert rates[-1] < 1e-4
+
+
+def test_gradients_are_clipped_and_weights_decay(small_set):
+    """Gradients clipped to nothing leave the decay of AdamW alone: 1 - rate decay a step."""
+    settings = replace(QUICK, epochs=1, views=6, batch=3, rate=1e-2, decay=0.5, clip=1e-14)
+    trained, _ = fit(METHOD, small_set, settings)
+    with torch.random.fork_rng():
+        torch.manual_seed(settings.seed)
+        first = METHOD.network().state_dict()
+    for name, tensor in trained.network.state_dict().items():
+        expected = first[name] * (1 - 1e-2 * 0.5) ** 2
+        torch.testing.assert_close(tensor, expected, rtol=1e-5, atol=1e-6)
 
 
 def test_the_best_epoch_is_kept(small_set, monkeypatch, tmp_path):
@@ -540,6 +562,7 @@ def test_loaders(small_set):
         ({"validate": 0}, "validate 0 given"),
         ({"patience": -1}, "patience -1 given"),
         ({"views": -1}, "views -1 given"),
+        ({"wait": 0}, "wait 0 given"),
         ({"seed": -1}, "seed -1 given"),
         ({"rate": 0}, "rate 0 given"),
         ({"rate": math.nan}, "rate nan given"),

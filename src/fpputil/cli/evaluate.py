@@ -46,7 +46,7 @@ def add_to(commands) -> None:
     evaluate.add_argument("--view", type=int, default=0, help="which, counted in the split")
     evaluate.add_argument("--record", action="store_true",
                           help="keep the numbers in WEIGHTS and in a .json beside it")  # fmt: skip
-    evaluate.set_defaults(run=_evaluate)
+    evaluate.set_defaults(run=_evaluate, go_on="nothing was kept")
 
 
 def _evaluate(options) -> None:
@@ -55,6 +55,8 @@ def _evaluate(options) -> None:
     from fpputil.learning.synthfringe import Augmentation
     from fpputil.learning.weights import load_weights, record
 
+    if options.record and (options.noise, options.gain, options.gamma) != (0, 1, 1):
+        raise ValueError("--record with another camera given; it keeps the dataset's own alone")
     trained = load_weights(options.weights)
     camera = {k: (getattr(options, k),) * 2 for k in ("gain", "noise", "gamma")}
     data = open_split(trained, options.data, options.split, Augmentation(**camera), options.seed)

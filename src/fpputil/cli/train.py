@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -63,9 +64,10 @@ def _network(group) -> None:
     group.add_argument("--target", help="components (M and D) or phase")
     for name in ("phase", "consistency", "geometric"):
         group.add_argument(f"--{name}", type=float, metavar="W", help=f"weight of the {name} loss")
-    group.add_argument("--modulo", action="store_true",
+    yes_or_no = argparse.BooleanOptionalAction
+    group.add_argument("--modulo", action=yes_or_no,
                        help="compare absolute phases modulo 2 pi in Eq. 12 (ours)")  # fmt: skip
-    group.add_argument("--mean", action="store_true",
+    group.add_argument("--mean", action=yes_or_no,
                        help="average Eq. 14 over the pixels, not add up (ours)")  # fmt: skip
 
 
@@ -80,8 +82,8 @@ def _train(options) -> None:
     method, settings = recipe(options.preset)
     settings = replace(settings, **_given(options, OF_SETTINGS))
     weights = _given(options, ("phase", "consistency", "geometric"))
-    weights |= {"order": False} if options.modulo else {}
-    weights |= {"mean": True} if options.mean else {}
+    weights |= {} if options.modulo is None else {"order": not options.modulo}
+    weights |= _given(options, ("mean",))
     method = replace(
         method, weights=replace(method.weights, **weights), **_given(options, OF_METHOD)
     )

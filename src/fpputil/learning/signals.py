@@ -10,11 +10,13 @@ from contextlib import contextmanager
 
 @contextmanager
 def stopping() -> Iterator[list[int]]:
-    """A list that is no longer empty once Ctrl-C or SIGTERM came; a second one stops at once."""
+    """A list that is no longer empty once Ctrl-C or SIGTERM came; the same
+    once more stops at once. A launcher may send one of each.
+    """
     caught: list[int] = []
 
     def note(number, frame):
-        if caught:
+        if number in caught:
             raise KeyboardInterrupt
         caught.append(number)
 
