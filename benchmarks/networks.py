@@ -11,7 +11,7 @@ from torch.utils.data import DataLoader
 
 from benchmarks.timing import median_seconds
 from fpputil.decoding.decoder import decode
-from fpputil.learning.devices import PRECISIONS, autocast, bfloat16_unit
+from fpputil.learning.devices import PRECISIONS, bfloat16_unit, forward
 from fpputil.learning.evaluation import measure
 from fpputil.learning.generate import generate
 from fpputil.learning.methods import Rig, SFNetMethod
@@ -31,11 +31,9 @@ def training_seconds(data: SynthFringe, batch: dict, precisions, repeats: int) -
     torch.manual_seed(0)
     network = method.network().to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(network.parameters(), 1e-4)
-    frames = batch["frames"].contiguous(memory_format=torch.channels_last)
 
     def step(precision):
-        with autocast(CPU, precision):
-            outputs = network(frames)
+        outputs = forward(network, batch["frames"], precision)
         optimiser.zero_grad()
         method.losses(outputs, batch, rig)["total"].mean().backward()
         optimiser.step()

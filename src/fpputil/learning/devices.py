@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from torch import Tensor, distributed
+from torch import Tensor, distributed, nn
 
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
@@ -56,6 +56,12 @@ def hardware(device: torch.device) -> dict:
         "torch": torch.__version__,
         "python": platform.python_version(),
     }
+
+
+def forward(network: nn.Module, frames: Tensor, precision: str) -> Tensor:
+    """Outputs of photographs (B, F, H, W), channels last and in `precision` on the way."""
+    with autocast(frames.device, precision):
+        return network(frames.contiguous(memory_format=torch.channels_last))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from tqdm.std import tqdm
 
 from fpputil.checks import whole
 from fpputil.decoding.depth import column, save_ply, triangulate
-from fpputil.learning.devices import autocast, precision_of
+from fpputil.learning.devices import forward, precision_of
 from fpputil.learning.methods import Rig
 from fpputil.learning.metrics import Score, errors
 from fpputil.learning.synthfringe import Augmentation, SynthFringe
@@ -65,8 +65,7 @@ def measure(trained: Trained, frames, rig: Rig, precision: str = "float32") -> l
     frames = torch.as_tensor(frames, dtype=torch.float32).to(device)
     if not torch.isfinite(frames).all():
         raise ValueError("photographs with NaN or infinite pixels given; photograph again")
-    with autocast(device, precision):
-        outputs = trained.network(frames.contiguous(memory_format=torch.channels_last))
+    outputs = forward(trained.network, frames, precision)
     phi_h, phi_r = trained.method.phases(outputs)
     maps = (phi_h, phi_r, trained.method.absolute(outputs, rig), rig.one_photograph(phi_h))
     return [Measured(*maps) for maps in zip(*(m.cpu().numpy() for m in maps), strict=True)]

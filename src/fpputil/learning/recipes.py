@@ -17,7 +17,7 @@ def recipe(preset: str) -> tuple[SFNetMethod, Settings]:
 
     "paper" is as the paper has it, and needs a GPU. "tiny" and "small" are for two cores: a short
     one-cycle schedule, features mixed at every level, and a loss that compares absolute phases
-    modulo 2 pi and averages Eq. 14; chapter 8 measures what these choices are worth.
+    modulo 2 pi and averages Eq. 14. `experiments` has the runs that tell what each is worth.
     """
     method = SFNetMethod(mixing="every level", weights=Weights(order=False, mean=True))
     short = Settings(epochs=7, schedule="one-cycle", patience=0, augmentation=CAMERA)

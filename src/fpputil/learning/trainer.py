@@ -16,7 +16,7 @@ from torch.utils.data import DataLoader
 from tqdm.std import tqdm
 
 from fpputil.learning.batches import Batches
-from fpputil.learning.devices import World, autocast, hardware
+from fpputil.learning.devices import World, forward, hardware
 from fpputil.learning.history import write_history
 from fpputil.learning.methods import Rig, SFNetMethod
 from fpputil.learning.run import Run
@@ -87,9 +87,7 @@ class Trainer:
     def _learn(self, network, batch: dict) -> None:
         """One step of the optimiser."""
         run = self.run
-        frames = batch["frames"].contiguous(memory_format=torch.channels_last)
-        with autocast(self.where.device, self.precision):
-            outputs = network(frames)
+        outputs = forward(network, batch["frames"], self.precision)
         losses = {k: v.mean() for k, v in self.method.losses(outputs, batch, self.rig).items()}
         if not torch.isfinite(losses["total"]):
             raise FloatingPointError(
@@ -112,9 +110,7 @@ class Trainer:
         number = total = square = wrong = 0.0
         for batch in loader:
             batch = {k: v.to(self.where.device) for k, v in batch.items()}
-            frames = batch["frames"].contiguous(memory_format=torch.channels_last)
-            with autocast(self.where.device, self.precision):
-                outputs = self.run.network(frames)
+            outputs = forward(self.run.network, batch["frames"], self.precision)
             Phi = self.method.absolute(outputs, self.rig)
             e = (Phi - batch["Phi"])[batch["mask"]].abs().double()
             number += len(e)
