@@ -113,7 +113,7 @@ def test_every_option_of_train_arrives(data, tmp_path):
     assert {k: method[k] for k in wanted} == wanted and method["levels"] == 2
     weights = {"phase": 2, "consistency": 0.5, "geometric": 0.25, "order": False, "mean": True}
     assert method["weights"] == weights
-    assert settings["augmentation"]["noise"] == [0.0, 2.0]  # of the recipe
+    assert settings["augmentation"]["noise"] == [0.0, 1.0]  # of the recipe
 
 
 def test_a_run_begins_with_weights(data, weights, tmp_path):
@@ -139,7 +139,7 @@ def test_resume_needs_a_run_and_a_run_needs_resume(data, weights, tmp_path, caps
 @pytest.mark.parametrize(
     "options, said",
     [
-        (["--preset", "small"], "has a high pitch of 24, the preset small one of 18"),
+        (["--preset", "small"], "was made with the preset tiny, and small is given"),
         (["--preset", "huge"], "preset 'huge' given; the presets are tiny, small, paper"),
         (["--epochs", "0"], "epochs 0 given"),
         (["--batch", "-1"], "batch -1 given"),
@@ -171,6 +171,13 @@ def test_what_failed_at_once_leaves_no_folder(data, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+def test_a_dataset_of_ones_own_trains_by_any_recipe(data, tmp_path):
+    folder, own = str(tmp_path / "photographs"), str(tmp_path / "own")
+    assert main(["dataset", "export", str(data), folder]) == 0
+    assert main(["dataset", "import", folder, own]) == 0
+    assert train(own, tmp_path / "run", "--preset", "small") == 0
+
+
 def test_datasets_that_cannot_train(tmp_path, capsys):
     assert train(tmp_path / "none", tmp_path / "run") == 1
     assert "there is no such folder" in one_line(capsys)
@@ -191,7 +198,7 @@ def test_evaluate_prints_two_photographs_beside_one(data, weights, capsys):
     assert evaluate(weights, data) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "test: 1 views of 1 models"
-    assert lines[1].split() == ["two", "photographs", "one", "photograph"]
+    assert lines[1].split() == ["with", "phi_r", "phi_h", "alone"]
     rows = {line[:32].strip(): numbers(line) for line in lines[2:]}
     for name in ("MAE, rad", "RMSE, rad", "median, rad", "wrong fringe orders, %", "spikes, %",
                  "spikes of the truth, %", "MAE, mm", "RMSE, mm", "median, mm",
@@ -311,7 +318,7 @@ def test_files_that_are_no_weights_are_one_line(data, weights, tmp_path, capsys)
     assert evaluate(tmp_path / "net.pt", data) == 1
     assert "ends in .safetensors" in one_line(capsys)
     assert evaluate(weights.parent / "checkpoint.safetensors", data) == 1
-    assert "was not written by fpputil" in one_line(capsys)
+    assert "is the checkpoint of a run" in one_line(capsys)
     (tmp_path / "cut.safetensors").write_bytes(weights.read_bytes()[:-1])
     assert evaluate(tmp_path / "cut.safetensors", data) == 1
     assert "is cut" in one_line(capsys)

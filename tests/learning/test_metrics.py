@@ -271,3 +271,12 @@ def test_what_lies_outside_the_mask_does_not_count(scene):
     for name in a:
         np.testing.assert_array_equal(a[name], b[name])
         assert len(a[name]) in (truth["mask"].sum(), len(a["mm"]))
+
+
+def test_a_pixel_without_a_phase_has_a_wrong_order(scene):
+    system, truth = scene
+    mask = truth["mask"]
+    lost = np.arange(mask.size).reshape(mask.shape) % 4 == 0
+    found = errors(np.where(lost, np.nan, truth["Phi"]), None, None, truth, system, PITCH)
+    np.testing.assert_array_equal(found["order"], lost[mask])
+    assert found["spike"][lost[mask]].all()

@@ -7,10 +7,10 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import replace
 from multiprocessing import active_children
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,17 +19,15 @@ from matplotlib.figure import Figure
 from safetensors.torch import load_file
 
 from fpputil.cli import main
-from fpputil.learning.batches import Batches, spread, training_loader, validation_loader
 from fpputil.learning.checkpoint import read_about
-from fpputil.learning.devices import precision_of, world
+from fpputil.learning.devices import World
 from fpputil.learning.generate import generate
-from fpputil.learning.history import read_history, write_history
+from fpputil.learning.history import read_history
 from fpputil.learning.losses import Weights
 from fpputil.learning.methods import Rig, SFNetMethod
 from fpputil.learning.plan import seeded_models
-from fpputil.learning.recipes import CAMERA, recipe
+from fpputil.learning.recipes import CAMERA
 from fpputil.learning.settings import Settings
-from fpputil.learning.signals import stopping
 from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.trainer import Trainer
 from fpputil.learning.training import fit
@@ -295,7 +293,7 @@ def test_a_command_that_was_killed_goes_on(commanded, small_set, tmp_path, numbe
     call = ["train", "sfnet", "--data", str(small_set), "--out", str(out), *OPTIONS]
     with started(["fpputil.cli", *call, "--workers", "1"]) as process:
         end = time.monotonic() + 100
-        while not (out / CHECKPOINT).is_file():
+        while not (out / "log.csv").is_file():  # the last thing of an epoch
             assert process.poll() is None and time.monotonic() < end, process.stderr.read()
             time.sleep(0.01)
         (os.killpg if to_all else os.kill)(process.pid, number)
@@ -353,7 +351,7 @@ def test_a_plateau_halves_the_rate(small_set, monkeypatch):
     measured_as(monkeypatch, [9, 9, 8, 8, 8, 8, 8, 7.9999, 8])
     settings = replace(QUICK, wait=2, patience=0, rate=1e-3, epochs=9)
     _, history = fit(METHOD, small_set, settings)
-    rates = [1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4, 2.5e-4, 2.5e-4]
+    rates = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4, 2.5e-4]
     assert [row["rate"] for row in history] == rates
 
 
@@ -403,10 +401,49 @@ def test_a_loss_that_is_not_finite_ends_the_run(small_set, tmp_path, monkeypatch
     monkeypatch.setattr(SFNetMethod, "losses", spoilt)
     with pytest.raises(FloatingPointError, match=f"nan in epoch {epoch}, batch {batch}"):
         fit(METHOD, small_set, SHORT, tmp_path)
-    if epoch > 1:
-        about = read_about(tmp_path / CHECKPOINT)
-        assert len(about["history"]) == epoch - 1 and about["step"] == 0
-        assert all(torch.isfinite(t).all() for t in load_file(tmp_path / CHECKPOINT).values())
+    about = read_about(tmp_path / CHECKPOINT)
+    assert len(about["history"]) == epoch - 1 and about["step"] == 0
+    assert all(torch.isfinite(t).all() for t in load_file(tmp_path / CHECKPOINT).values())
+
+
+def test_a_network_that_answers_nan_is_not_kept(small_set, monkeypatch, tmp_path):
+    measured_as(monkeypatch, [3, math.nan])
+    with pytest.raises(FloatingPointError, match="answers with nan after epoch 2"):
+        fit(METHOD, small_set, replace(QUICK, epochs=3), tmp_path)
+    assert len(read_about(tmp_path / CHECKPOINT)["history"]) == 1
+
+
+def test_a_log_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp_path):
+    def full(out, history):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fpputil.learning.trainer.write_history", full)
+    with pytest.raises(OSError, match="No space left"):
+        fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path)
+    assert len(read_about(tmp_path / CHECKPOINT)["history"]) == 1
+
+
+def test_losses_of_several_processes_are_saved_as_their_mean(monkeypatch):
+    """Stopped and resumed, each process begins with what the first one saved."""
+    monkeypatch.setattr(World, "total", lambda self, *values: [self.size * v for v in values])
+    for size in (1, 2):
+        run = SimpleNamespace(sums={"total": 3.0, "phase": 1.0})
+        trainer = SimpleNamespace(run=run, where=World(0, size, torch.device("cpu")))
+        assert Trainer._shared_sums(trainer) == run.sums
+
+
+@pytest.mark.parametrize("left", ["weights.safetensors", "log.csv"])
+def test_what_a_run_left_is_not_overwritten(small_set, tmp_path, left):
+    (tmp_path / left).write_bytes(b"dear")
+    with pytest.raises(ValueError, match=f"{left} of a run without its checkpoint"):
+        fit(METHOD, small_set, SHORT, tmp_path)
+    assert (tmp_path / left).read_bytes() == b"dear"
+
+
+def test_a_file_is_no_folder_for_a_run(small_set, tmp_path):
+    (tmp_path / "run").write_text("")
+    with pytest.raises(ValueError, match="run is a file; a run needs a folder"):
+        fit(METHOD, small_set, SHORT, tmp_path / "run")
 
 
 def test_a_rate_far_too_high_ends_the_run(small_set):
@@ -455,7 +492,7 @@ def test_a_part_of_the_views(small_set):
 CHANGES = [
     ({"settings": {"rate": 0.007}}, "rate", "0.003", "0.007"),
     ({"settings": {"epochs": 77}}, "epochs", "2", "77"),
-    ({"settings": {"augmentation": replace(CAMERA, noise=(0.0, 3.5))}}, "noise", "2.0", "3.5"),
+    ({"settings": {"augmentation": replace(CAMERA, noise=(0.0, 3.5))}}, "noise", "1.0", "3.5"),
     ({"settings": {"precision": "bfloat16"}}, "precision", "float32", "bfloat16"),
     ({"method": {"base": 3}}, "base", "2", "3"),
     ({"method": {"weights": Weights(order=False)}}, "order", "True", "False"),
@@ -494,151 +531,3 @@ def test_a_checkpoint_that_is_cut_is_named(whole, small_set, tmp_path):
     (tmp_path / CHECKPOINT).write_bytes((out / CHECKPOINT).read_bytes()[:-7])
     with pytest.raises(ValueError, match=f"{tmp_path / CHECKPOINT} is cut"):
         fit(METHOD, small_set, settings, tmp_path, resume=True)
-
-
-def test_batches_of_an_epoch():
-    """Every image at most once, the rest at the end left over; other orders in other epochs."""
-    batches = Batches(16, 5, seed=3)
-    assert len(batches) == 3
-    first = list(batches)
-    assert [len(b) for b in first] == [5, 5, 5]
-    assert len(set(sum(first, []))) == 15 and set(sum(first, [])) < set(range(16))
-    assert list(batches) == first
-    batches.epoch = 1
-    assert list(batches) != first
-    batches.epoch, batches.start = 0, 2
-    assert list(batches) == first[2:]
-    batches.start = 3
-    assert list(batches) == []
-    assert list(Batches(16, 5, seed=4)) != first
-    assert [sorted(b) for b in Batches(3, 8, seed=0)] == [[0, 1, 2]]
-    waited = set()
-    batches.start = 0
-    for epoch in range(60):
-        batches.epoch = epoch
-        waited |= set(range(16)) - set(sum(batches, []))
-    assert waited == set(range(16))  # no image is left over for ever
-
-
-@pytest.mark.parametrize("ranks", [1, 2, 4])
-def test_processes_share_each_batch(ranks):
-    whole = list(Batches(23, 8, seed=1))
-    parts = [list(Batches(23, 8, 1, rank, ranks)) for rank in range(ranks)]
-    for k, batch in enumerate(whole):
-        shares = [p[k] for p in parts]
-        assert {len(s) for s in shares} == {8 // ranks}
-        assert sorted(sum(shares, [])) == sorted(batch)
-
-
-@pytest.mark.parametrize("number, size, ranks", [(16, 5, 2), (3, 8, 2)])
-def test_batches_that_cannot_be_shared(number, size, ranks):
-    with pytest.raises(ValueError, match=f"for {ranks} processes given"):
-        Batches(number, size, 0, 0, ranks)
-
-
-def test_loaders(small_set):
-    data = SynthFringe(small_set, "training")
-    batches = Batches(len(data), 5, seed=3)
-    seen = [b["index"].tolist() for b in training_loader(data, batches, 0)]
-    assert seen == [data.indices[b].tolist() for b in batches]
-    assert spread(data, 4) == [0, 5, 10, 15] and spread(data, 1) == [0]
-    assert spread(data, 16) == spread(data, 99) == list(range(16))
-    with pytest.raises(ValueError, match="views 0 given"):
-        spread(data, 0)
-    views = [1, 4, 9, 11, 15]
-    shares = [
-        sum((b["index"].tolist() for b in validation_loader(data, views, 2, 0, rank, 2)), [])
-        for rank in (0, 1)
-    ]
-    assert shares == [data.indices[[1, 9, 15]].tolist(), data.indices[[4, 11]].tolist()]
-
-
-@pytest.mark.parametrize(
-    "options, said",
-    [
-        ({"epochs": 0}, "epochs 0 given"),
-        ({"batch": 0}, "batch 0 given"),
-        ({"batch": 2.5}, "batch 2.5 given"),
-        ({"validate": 0}, "validate 0 given"),
-        ({"patience": -1}, "patience -1 given"),
-        ({"views": -1}, "views -1 given"),
-        ({"wait": 0}, "wait 0 given"),
-        ({"seed": -1}, "seed -1 given"),
-        ({"rate": 0}, "rate 0 given"),
-        ({"rate": math.nan}, "rate nan given"),
-        ({"clip": 0}, "clip 0 given"),
-        ({"decay": -1}, "decay -1 given"),
-        ({"schedule": "cosine"}, "schedule 'cosine' given; plateau or one-cycle"),
-        ({"precision": "half"}, "precision 'half' given; float32, bfloat16 or auto"),
-    ],
-)
-def test_wrong_settings_are_named(options, said):
-    with pytest.raises(ValueError, match=said):
-        Settings(**options)
-
-
-def test_recipes():
-    for name in ("tiny", "small"):
-        method, settings = recipe(name)
-        assert isinstance(method, SFNetMethod) and settings.augmentation == CAMERA
-        assert (settings.schedule, settings.patience) == ("one-cycle", 0)
-    method, settings = recipe("paper")
-    assert (method.levels, method.frames, method.mixing) == (6, 1, "deepest")
-    assert method.weights == Weights(1.0, 1e-2, 1e-6, order=True, mean=False)
-    assert (settings.epochs, settings.schedule, settings.batch) == (250, "plateau", 8)
-    with pytest.raises(ValueError, match="preset 'huge' given; the presets are tiny, small, paper"):
-        recipe("huge")
-
-
-def test_devices():
-    with world() as alone:
-        assert (alone.rank, alone.size) == (0, 1)
-        assert alone.total(1.5, 2) == [1.5, 2.0]
-    cpu = torch.device("cpu")
-    assert precision_of("float32", cpu) == "float32" and precision_of("bfloat16", cpu) == "bfloat16"
-    assert precision_of("auto", cpu) in ("float32", "bfloat16")
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_waits_and_the_same_once_more_does_not(number):
-    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
-    with pytest.raises(KeyboardInterrupt):
-        with stopping() as caught:
-            assert not caught
-            os.kill(os.getpid(), number)
-            assert caught == [number]
-            other = signal.SIGTERM if number == signal.SIGINT else signal.SIGINT
-            os.kill(os.getpid(), other)  # a launcher sends one of each
-            assert caught == [number, other]
-            os.kill(os.getpid(), number)
-    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
-
-
-def test_other_threads_train_as_well():
-    seen = []
-
-    def work():
-        with stopping() as caught:
-            seen.append(list(caught))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert seen == [[]]
-
-
-def test_a_log_is_read_as_it_was_written(tmp_path):
-    names = ("images", "total", "validation_mae", "validation_order_errors")
-    rows = [dict(zip(names, values, strict=True))
-            for values in ((16, 0.1 + 0.2, 3.0, 0.5), (32, 1e-9, 1 / 3, 0.0))]  # fmt: skip
-    write_history(tmp_path, rows)
-    assert read_history(tmp_path / "log.csv") == rows
-
-
-@pytest.mark.parametrize(
-    "text", ["", "images,total\n", "a,b\n1,2\n", "images\nmany\n", "images\n1,2\n"]
-)
-def test_another_table_is_no_log(tmp_path, text):
-    (tmp_path / "log.csv").write_text(text)
-    with pytest.raises(ValueError, match=f"{tmp_path / 'log.csv'} is no log of a training run"):
-        read_history(tmp_path / "log.csv")

@@ -1,6 +1,7 @@
 """Weights and checkpoints on disk: whole, ours, and a clear word about every other file."""
 
 import json
+import math
 import os
 import pickle
 
@@ -12,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from fpputil.learning.checkpoint import read_about, restore, save_checkpoint
 from fpputil.learning.losses import Weights
 from fpputil.learning.methods import SFNetMethod
-from fpputil.learning.weights import Trained, load_weights, save_weights
+from fpputil.learning.weights import Trained, load_weights, record, save_weights
 
 METHOD = SFNetMethod(base=2, levels=3, mixing="every level", weights=Weights(order=False))
 ABOUT = {"pitches": {"high": 24, "zmin": 304}, "camera": [120, 160], "extremes": [0.0, 244.0]}
@@ -120,10 +121,28 @@ def test_a_pickle_is_not_opened(tmp_path, load):
 def test_a_checkpoint_is_not_weights_nor_weights_a_checkpoint(tmp_path, saved, trained):
     path = tmp_path / "checkpoint.safetensors"
     save_checkpoint(path, trained.network, torch.optim.AdamW(trained.network.parameters()), {})
-    with pytest.raises(ValueError, match=f"{path} was not written"):
+    with pytest.raises(ValueError, match=f"{path} is the checkpoint of a run"):
         load_weights(path)
     with pytest.raises(ValueError, match=f"{saved} is not a checkpoint"):
         read_about(saved)
+
+
+def test_a_file_of_another_version(saved):
+    rewrite(saved, format="fpputil weights 99")
+    with pytest.raises(ValueError, match=f"{saved} was written by another version"):
+        load_weights(saved)
+
+
+def test_numbers_are_kept_with_the_network_measured_alone(saved):
+    measured = load_weights(saved)
+    record(saved, measured, "test", {"mae_rad": (0.1, 0.0, math.nan), "views": 3})
+    assert about_in(saved)["metrics"] == {"test": {"mae_rad": [0.1, 0.0, None], "views": 3}}
+    other = {k: v + 1 for k, v in load_file(saved).items()}
+    rewrite(saved, other)
+    before = saved.read_bytes()
+    with pytest.raises(ValueError, match="no longer the network that was measured"):
+        record(saved, measured, "test", {})
+    assert saved.read_bytes() == before
 
 
 def missing(tensors):

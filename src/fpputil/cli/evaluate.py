@@ -27,7 +27,8 @@ def add_to(commands) -> None:
         "evaluate",
         help="measure a trained network",
         description="Errors over a split with 95 % intervals (bootstrap over models), beside the "
-        "control of one photograph: the same phi_h with the minimum phase at the high pitch. "
+        "control of one photograph: the same phi_h, without phi_r, with the minimum phase at the "
+        "high pitch. "
         "Millimetres count only where a projector column moves by more than 0.1 pixel a mm.",
     )
     evaluate.add_argument("weights", metavar="WEIGHTS", type=Path, help="a .safetensors file")
@@ -46,11 +47,12 @@ def add_to(commands) -> None:
     evaluate.add_argument("--view", type=int, default=0, help="which, counted in the split")
     evaluate.add_argument("--record", action="store_true",
                           help="keep the numbers in WEIGHTS and in a .json beside it")  # fmt: skip
-    evaluate.set_defaults(run=_evaluate, go_on="nothing was kept")
+    evaluate.set_defaults(run=_evaluate, go_on="no numbers were kept")
 
 
 def _evaluate(options) -> None:
     from fpputil.learning.batches import spread
+    from fpputil.learning.devices import device_of, hardware, precision_of
     from fpputil.learning.evaluation import evaluate, open_split
     from fpputil.learning.synthfringe import Augmentation
     from fpputil.learning.weights import load_weights, record
@@ -69,7 +71,7 @@ def _evaluate(options) -> None:
     )  # fmt: skip
     both, alone = (score.summary(options.seed) for score in scores)
     print(f"{options.split}: {len(views)} views of {len(scores[0].models)} models")
-    print(f"{'':32}{'two photographs':>34}{'one photograph':>34}")
+    print(f"{'':32}{'with phi_r':>34}{'phi_h alone':>34}")
     for name, key, unit, scale in ROWS:
         cells = [_cell(found.get(key), scale) for found in (both, alone)]
         print(f"{name + ', ' + unit:32}{cells[0]:>34}{cells[1]:>34}")
@@ -78,7 +80,9 @@ def _evaluate(options) -> None:
             "data": data.store.manifest["content"],
             "views": len(views),
             "camera": {k: v[0] for k, v in camera.items()},
-            "precision": options.precision,
+            "seed": options.seed,
+            "precision": precision_of(options.precision, device_of(options.device)),
+            "hardware": hardware(device_of(options.device)),
             "two photographs": both,
             "one photograph": alone,
         }

@@ -77,7 +77,6 @@ def _train(options) -> None:
     from fpputil.learning.store import open_store
     from fpputil.learning.training import fit
     from fpputil.learning.weights import load_weights
-    from fpputil.optics.system import preset
 
     method, settings = recipe(options.preset)
     settings = replace(settings, **_given(options, OF_SETTINGS))
@@ -88,11 +87,11 @@ def _train(options) -> None:
         method, weights=replace(method.weights, **weights), **_given(options, OF_METHOD)
     )
     manifest = open_store(options.data).manifest
-    wanted = preset(options.preset)
-    if manifest["pitches"]["high"] != wanted.high:
+    made = manifest["settings"]["preset"]
+    if made not in (options.preset, "imported"):
         raise ValueError(
-            f"{options.data} has a high pitch of {manifest['pitches']['high']}, the preset "
-            f"{options.preset} one of {wanted.high}; name the preset the dataset was made with"
+            f"{options.data} was made with the preset {made}, and {options.preset} is given; name "
+            "the preset of the dataset"
         )
     if options.threads is not None:
         import torch

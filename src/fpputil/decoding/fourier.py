@@ -35,7 +35,7 @@ def carrier(system: System, pitch: float, z: float | None = None) -> np.ndarray:
     Returns
     -------
     (H, W) float64 array
-        Radians; NaN where the projector does not see the plane.
+        Radians. Beyond the borders of the projector it goes on as if there were columns.
     """
     positive("pitch", pitch, "projector pixels")
     z = (system.z_min + system.z_max) / 2 if z is None else positive("z", z, "millimetres")

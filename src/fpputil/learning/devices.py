@@ -24,6 +24,26 @@ def bfloat16_unit(device: torch.device) -> bool:
     return bool({"amx_bf16", "avx512_bf16"} & words)
 
 
+def device_of(name: str) -> torch.device:
+    """The device of a name: "cpu", "cuda" (of several processes each takes its own) or "cuda:1".
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, or there is no such GPU.
+    """
+    kind, _, number = name.partition(":")
+    if kind not in ("cpu", "cuda") or not (number.isdecimal() or number == ""):
+        raise ValueError(f"device {name!r} given; cpu, cuda, cuda:0, cuda:1 ... are known")
+    if kind == "cpu":
+        return torch.device("cpu")
+    number = int(number or os.environ.get("LOCAL_RANK", 0))
+    if number >= torch.cuda.device_count():
+        found = torch.cuda.device_count()
+        raise ValueError(f"device {name!r} given; torch can use {found} such devices here")
+    return torch.device("cuda", number)
+
+
 def precision_of(name: str, device: torch.device) -> str:
     """ "float32" or "bfloat16"; "auto" is the latter where the device has a unit for it."""
     if name == "auto":
@@ -104,10 +124,7 @@ def world(device: str | None = None) -> Iterator[World]:
         the CPU.
     """
     rank, size = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
-    local = int(os.environ.get("LOCAL_RANK", 0))
-    if device is None:
-        device = f"cuda:{local}" if torch.cuda.is_available() else "cpu"
-    where = torch.device(device)
+    where = device_of(device or ("cuda" if torch.cuda.is_available() else "cpu"))
     if where.type == "cuda":
         torch.cuda.set_device(where)
     if size > 1:

@@ -13,7 +13,7 @@ from tqdm.std import tqdm
 
 from fpputil.checks import whole
 from fpputil.decoding.depth import column, save_ply, triangulate
-from fpputil.learning.devices import forward, precision_of
+from fpputil.learning.devices import device_of, forward, precision_of
 from fpputil.learning.methods import Rig
 from fpputil.learning.metrics import Score, errors
 from fpputil.learning.synthfringe import Augmentation, SynthFringe
@@ -34,7 +34,8 @@ class Measured:
     Phi : (H, W) float32 array
         Absolute phase of the high pitch, radians.
     alone : (H, W) float32 array
-        The same from phi_h alone, without phi_r: the control of one photograph.
+        The same from phi_h alone, without phi_r: the control of one photograph. The network saw
+        both, and phi_h has gained by it.
     """
 
     phi_h: np.ndarray
@@ -129,7 +130,7 @@ def predictions(
     item, Measured
         The item of `SynthFringe` as arrays.
     """
-    where = torch.device(device)
+    where = device_of(device)
     precision = precision_of(precision, where)
     rig = Rig.of(data.store.system, data.pitches).to(where)
     trained.network.to(where, memory_format=torch.channels_last)
@@ -145,7 +146,7 @@ def predictions(
 
 
 def evaluate(trained: Trained, data: SynthFringe, **how) -> tuple[Score, Score]:
-    """Errors over a split: of the network, and of its phi_h without a second photograph.
+    """Errors over a split: of the network, and of its phi_h without its phi_r.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ def evaluate(trained: Trained, data: SynthFringe, **how) -> tuple[Score, Score]:
     Returns
     -------
     Score, Score
-        Two photographs; one.
+        With phi_r; phi_h alone.
     """
     both, alone = Score(), Score()
     system, pitch = data.store.system, data.pitches["high"]

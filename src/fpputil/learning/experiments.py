@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import torch
@@ -22,7 +22,7 @@ from fpputil.learning.store import open_store
 from fpputil.learning.training import fit
 
 PAPER = SFNetMethod()
-OURS = recipe("tiny")[0]
+OURS = replace(PAPER, mixing="every level", weights=Weights(order=False, mean=True))
 CHOICES = {
     "losses as the paper's, joined deepest": (PAPER, 0),
     "absolute phase modulo 2 pi": (replace(PAPER, weights=Weights(order=False)), 0),
@@ -35,7 +35,7 @@ CHOICES = {
 }
 """Method and seed of each run."""
 
-SHORT = replace(recipe("tiny")[1], epochs=1, rate=2e-3, views=3600, validate=400)
+SHORT = replace(recipe("tiny")[1], epochs=1, views=2880, validate=200)
 RESULTS = Path("data/results/sfnet-choices.json")
 
 
@@ -47,6 +47,8 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
     dict
         data (checksum), views, hardware, and runs: of each name mae, rmse (radians),
         order_errors (0 to 1) on validation views, seconds and seed.
+
+    A run of another method or other settings than these is made anew.
 
     Raises
     ------
@@ -60,7 +62,8 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
         if found["data"] != content:
             raise ValueError(f"{path} holds runs on the dataset {found['data']}, not {content}")
     for name, (method, seed) in CHOICES.items():
-        if name in found["runs"]:
+        wanted = {"seed": seed, "method": method.settings(), "settings": _plain(SHORT)}
+        if all(found["runs"].get(name, {}).get(k) == v for k, v in wanted.items()):
             continue
         _, history = fit(method, data, replace(SHORT, seed=seed), workers=workers, progress=True)
         last = history[-1]
@@ -69,13 +72,19 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
             "rmse": last["validation_rmse"],
             "order_errors": last["validation_order_errors"],
             "seconds": last["seconds"],
-            "seed": seed,
-            "method": method.settings(),
+            **wanted,
         }
         found["hardware"] = hardware(torch.device("cpu"))
         write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
     return found
 
 
+def _plain(settings) -> dict:
+    """Settings as JSON gives them back."""
+    return json.loads(json.dumps(asdict(settings)))
+
+
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m fpputil.learning.experiments PATH, a dataset of the preset tiny")
     run_choices(sys.argv[1])

@@ -41,7 +41,7 @@ def spikes(Phi: np.ndarray, mask: np.ndarray) -> np.ndarray:
     count = np.isfinite(near).sum(axis=1)
     rows = np.arange(len(near))
     median = (near[rows, (count - 1) // 2] + near[rows, count // 2]) / 2
-    return np.abs(Phi[mask] - median) > math.pi
+    return ~(np.abs(Phi[mask] - median) <= math.pi)
 
 
 def errors(Phi, phi_h, phi_r, truth: dict, system: System, pitch: float) -> dict[str, np.ndarray]:
@@ -73,7 +73,7 @@ def errors(Phi, phi_h, phi_r, truth: dict, system: System, pitch: float) -> dict
         "rad": rad,
         "mm": (found - truth["depth"])[sensitive],
         "insensitive": ~sensitive[mask],
-        "order": np.abs(rad) > math.pi,
+        "order": ~(np.abs(rad) <= math.pi),  # no phase is no right order
         "spike": spikes(Phi, mask),
         "own_spike": spikes(truth["Phi"], mask),
     }

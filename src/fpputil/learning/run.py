@@ -18,6 +18,7 @@ from fpputil.learning.settings import Settings
 from fpputil.learning.weights import Trained, checksum
 
 CHECKPOINT = "checkpoint.safetensors"
+LEFT = ("weights.safetensors", "log.csv")
 
 
 @dataclass(eq=False)
@@ -83,25 +84,28 @@ def begin(method, settings: Settings, steps: int, where: World, start: Trained |
     return Run(network, optimiser, schedule, [])
 
 
-def describe(method, settings, data, precision: str, start: Trained | None) -> dict:
-    """What a run is: two runs that agree in this end in the same weights.
+def describe(method, settings, data, precision: str, start: Trained | None, size: int) -> dict:
+    """What a run is: two runs that agree in this, device and threads end in the same weights.
 
     Raises
     ------
     ValueError
         If the network to begin with is of another method.
     """
-    if start is not None and replace(start.method, weights=method.weights) != method:
-        raise ValueError(
-            f"a network of {start.method.settings()} to begin with given; {method.settings()} "
-            "is to be trained"
-        )
+    if start is not None:
+        as_here = replace(start.method, weights=method.weights, dropout=method.dropout)
+        for name, before, now in _differences(as_here.settings(), method.settings()):
+            raise ValueError(
+                f"a network with {name} {before} to begin with given, and one with {now} is to "
+                "be trained; only losses and dropout may differ"
+            )
     return {
         "method": method.settings(),
         "settings": {**asdict(settings), "augmentation": asdict(settings.augmentation)},
         "data": data.store.manifest["content"],
         "precision": precision,
         "start": None if start is None else checksum(start.network),
+        "processes": size,
     }
 
 
@@ -113,10 +117,16 @@ def claim(out: Path, about: dict, resume: bool) -> None:
     ValueError
         If it holds a run and `resume` is not given, or another run is to be resumed.
     """
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out} is a file; a run needs a folder")
     out.mkdir(parents=True, exist_ok=True)
     if not resume:
         if (out / CHECKPOINT).is_file():
             raise ValueError(f"{out} holds a run already; resume it, or name another folder")
+        if left := [name for name in LEFT if (out / name).exists()]:
+            raise ValueError(
+                f"{out} holds {left[0]} of a run without its checkpoint; name another folder"
+            )
         return
     saved, wanted = read_about(out / CHECKPOINT), _plain(about)
     other = list(_differences({k: saved.get(k) for k in wanted}, wanted))

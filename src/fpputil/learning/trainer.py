@@ -56,6 +56,8 @@ class Trainer:
             total=settings.epochs * every, initial=len(run.history) * every + done, unit="image",
             disable=not (self.progress and self.where.rank == 0), smoothing=0.05,
         ) as bar, stopping() as stopped:  # fmt: skip
+            if not (run.history or run.step):
+                self._save()  # a folder that cannot be written to shows now, not after an epoch
             while len(run.history) < settings.epochs and not self._patience_ended():
                 self.data.set_epoch(len(run.history))
                 batches.epoch, batches.start = len(run.history), run.step
@@ -92,7 +94,7 @@ class Trainer:
         if not torch.isfinite(losses["total"]):
             raise FloatingPointError(
                 f"the loss is {losses['total'].item()} in epoch {len(run.history) + 1}, batch "
-                f"{run.step + 1}; a lower learning rate may help. The last checkpoint stays"
+                f"{run.step + 1}; a lower learning rate may help, in a run of its own"
             )
         run.optimiser.zero_grad(set_to_none=True)
         losses["total"].backward()
@@ -115,7 +117,7 @@ class Trainer:
             e = (Phi - batch["Phi"])[batch["mask"]].abs().double()
             number += len(e)
             total, square = total + e.sum().item(), square + (e**2).sum().item()
-            wrong += (e > math.pi).sum().item()
+            wrong += (~(e <= math.pi)).sum().item()  # no phase is no right order
         number, total, square, wrong = self.where.total(number, total, square, wrong)
         if not number:
             raise ValueError("the validation views have empty masks; nothing to measure on")
@@ -127,9 +129,13 @@ class Trainer:
 
     def _finish_epoch(self, measured: dict[str, float], images: int) -> None:
         run = self.run
-        names = sorted(run.sums)
-        sums = self.where.total(*(run.sums[k] for k in names))
-        means = {k: s / (run.step * self.where.size) for k, s in zip(names, sums, strict=True)}
+        if not math.isfinite(measured["validation_mae"]):
+            raise FloatingPointError(
+                f"the network answers with {measured['validation_mae']} after epoch "
+                f"{len(run.history) + 1}; a lower learning rate may help, in a run of its own"
+            )
+        means = {k: s / run.step for k, s in self._shared_sums().items()}
+        rate = run.optimiser.param_groups[0]["lr"]
         if isinstance(run.schedule, ReduceLROnPlateau):
             run.schedule.step(measured["validation_mae"])
         better = measured["validation_mae"] < run.best
@@ -137,7 +143,7 @@ class Trainer:
             {
                 "epoch": len(run.history) + 1,
                 "images": images * (len(run.history) + 1),
-                "rate": run.optimiser.param_groups[0]["lr"],
+                "rate": rate,
                 **means,
                 **measured,
                 "seconds": run.seconds,
@@ -148,11 +154,19 @@ class Trainer:
         if self.out is not None and self.where.rank == 0:
             if better:
                 save_weights(self.out / WEIGHTS, self.trained())
-            write_history(self.out, run.history)
         self._save()
+        if self.out is not None and self.where.rank == 0:
+            write_history(self.out, run.history)
+
+    def _shared_sums(self) -> dict[str, float]:
+        """Sums of the losses so far, averaged over the processes."""
+        names = sorted(self.run.sums)
+        sums = self.where.total(*(self.run.sums[k] for k in names))
+        return {k: s / self.where.size for k, s in zip(names, sums, strict=True)}
 
     def _save(self) -> None:
         """Checkpoint, by the first process, of what all hold."""
+        self.run.sums = self._shared_sums()
         if self.out is not None and self.where.rank == 0:
             self.run.save(self.out, self.about)
 

@@ -47,7 +47,8 @@ def fit(
         Folder for checkpoint.safetensors (after every epoch and when stopped), weights.safetensors
         (16 bit, of the epoch with the least validation MAE), log.csv and curve.png.
     resume : bool
-        Go on with the run in `out`; float32 weights end as if it had never stopped.
+        Go on with the run in `out`; float32 weights end as if it had never stopped, on the same
+        kind of device with as many threads.
     start : Trained, optional
         A network of the same method to begin with, instead of random weights.
     workers : int
@@ -82,10 +83,10 @@ def fit(
             data.indices = data.indices[spread(data, settings.views)]
         checked = SynthFringe(path, "validation", shots, extremes=data.extremes)
         precision = precision_of(settings.precision, where.device)
-        about = describe(method, settings, data, precision, start)
-        if out is not None:
-            claim(out, about, resume)
+        about = describe(method, settings, data, precision, start, where.size)
         batches = Batches(len(data), settings.batch, settings.seed, where.rank, where.size)
+        if out is not None and where.rank == 0:
+            claim(out, about, resume)
         run = begin(method, settings, len(batches), where, start)
         if resume:
             run.go_on(out)

@@ -75,8 +75,12 @@ def load_weights(path: str | Path) -> Trained:
         tensors = load(path.read_bytes())
     except (safetensors.SafetensorError, json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is cut or not a safetensors file ({error})") from error
-    if not isinstance(about, dict) or about.pop("format", None) != FORMAT:
-        raise ValueError(f"{path} was not written by fpputil; its weights name no method")
+    found = about.pop("format", None) if isinstance(about, dict) else None
+    if found != FORMAT:
+        kinds = {"fpputil run": "is the checkpoint of a run; weights.safetensors is beside it",
+                 "fpputil weights": "was written by another version of fpputil"}  # fmt: skip
+        said = [v for k, v in kinds.items() if str(found).startswith(k)]
+        raise ValueError(f"{path} {(said or ['is not a file of weights of fpputil'])[0]}")
     method = method_of(about.pop("method", None), path)
     with torch.random.fork_rng(devices=[]):
         network = method.network()
@@ -87,7 +91,7 @@ def load_weights(path: str | Path) -> Trained:
 def record(path: str | Path, trained: Trained, split: str, found: dict) -> None:
     """Write what was measured on a split into the file measured, and as JSON beside it.
 
-    The weights stay as they are.
+    The weights stay as they are. NaN, for what could not be measured, becomes null.
 
     Parameters
     ----------
@@ -95,13 +99,24 @@ def record(path: str | Path, trained: Trained, split: str, found: dict) -> None:
         From which `trained` was loaded.
     """
     path = _name(path)
+    if checksum(load_weights(path).network) != checksum(trained.network):
+        raise ValueError(f"{path} is no longer the network that was measured; nothing is recorded")
     with safetensors.safe_open(path, "pt") as file:
         dtype = file.get_tensor(next(iter(file.keys()))).dtype
-    metrics = {**trained.about.get("metrics", {}), split: found}
+    metrics = {**trained.about.get("metrics", {}), split: _null(found)}
     after = replace(trained, about={**trained.about, "metrics": metrics})
     save_weights(path, after, dtype)
     text = json.dumps({"method": trained.method.settings(), **after.about}, indent=1)
     write_whole(path.with_suffix(".json"), f"{text}\n".encode())
+
+
+def _null(value):
+    """The value with None, as JSON has it, for NaN."""
+    if isinstance(value, dict):
+        return {k: _null(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_null(v) for v in value]
+    return None if value != value else value
 
 
 def checksum(network: nn.Module) -> str:
