@@ -18,6 +18,7 @@ from fpputil.learning.devices import hardware
 from fpputil.learning.losses import Weights
 from fpputil.learning.methods import SFNetMethod
 from fpputil.learning.recipes import recipe
+from fpputil.learning.run import plain
 from fpputil.learning.store import open_store
 from fpputil.learning.training import fit
 
@@ -62,7 +63,7 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
         if found["data"] != content:
             raise ValueError(f"{path} holds runs on the dataset {found['data']}, not {content}")
     for name, (method, seed) in CHOICES.items():
-        wanted = {"seed": seed, "method": method.settings(), "settings": _plain(SHORT)}
+        wanted = {"seed": seed, "method": method.settings(), "settings": plain(asdict(SHORT))}
         if all(found["runs"].get(name, {}).get(k) == v for k, v in wanted.items()):
             continue
         _, history = fit(method, data, replace(SHORT, seed=seed), workers=workers, progress=True)
@@ -77,11 +78,6 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
         found["hardware"] = hardware(torch.device("cpu"))
         write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
     return found
-
-
-def _plain(settings) -> dict:
-    """Settings as JSON gives them back."""
-    return json.loads(json.dumps(asdict(settings)))
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ class Run:
         """Write the checkpoint of the run that `about` describes."""
         state = {
             **about,
-            "schedule": _plain(self.schedule.state_dict()),
+            "schedule": plain(self.schedule.state_dict()),
             "history": self.history,
             "step": self.step,
             "sums": self.sums,
@@ -128,7 +128,7 @@ def claim(out: Path, about: dict, resume: bool) -> None:
                 f"{out} holds {left[0]} of a run without its checkpoint; name another folder"
             )
         return
-    saved, wanted = read_about(out / CHECKPOINT), _plain(about)
+    saved, wanted = read_about(out / CHECKPOINT), plain(about)
     other = list(_differences({k: saved.get(k) for k in wanted}, wanted))
     if other:
         name, before, now = other[0]
@@ -148,6 +148,6 @@ def _differences(a, b, name: str = ""):
         yield name, a, b
 
 
-def _plain(value):
+def plain(value):
     """The value as JSON gives it back."""
     return json.loads(json.dumps(value))
