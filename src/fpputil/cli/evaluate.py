@@ -28,8 +28,8 @@ def add_to(commands) -> None:
         help="measure a trained network",
         description="Errors over a split with 95 % intervals (bootstrap over models), beside the "
         "control of one photograph: the same phi_h, without phi_r, with the minimum phase at the "
-        "high pitch. "
-        "Millimetres count only where a projector column moves by more than 0.1 pixel a mm.",
+        "high pitch. Millimetres count only where a projector column moves by more than 0.1 "
+        "pixel a mm.",
     )
     evaluate.add_argument("weights", metavar="WEIGHTS", type=Path, help="a .safetensors file")
     evaluate.add_argument("--data", type=Path, required=True, metavar="PATH", help="the dataset")
@@ -76,13 +76,14 @@ def _evaluate(options) -> None:
         cells = [_cell(found.get(key), scale) for found in (both, alone)]
         print(f"{name + ', ' + unit:32}{cells[0]:>34}{cells[1]:>34}")
     if options.record:
+        where = device_of(options.device)
         found = {
             "data": data.store.manifest["content"],
             "views": len(views),
             "camera": {k: v[0] for k, v in camera.items()},
             "seed": options.seed,
-            "precision": precision_of(options.precision, device_of(options.device)),
-            "hardware": hardware(device_of(options.device)),
+            "precision": precision_of(options.precision, where),
+            "hardware": hardware(where),
             "two photographs": both,
             "one photograph": alone,
         }
