@@ -14,8 +14,9 @@ from fpputil.decoding.decoder import decode
 from fpputil.learning.devices import PRECISIONS, bfloat16_unit, forward
 from fpputil.learning.evaluation import measure
 from fpputil.learning.generate import generate
-from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.methods import SFNetMethod
 from fpputil.learning.plan import seeded_models
+from fpputil.learning.rig import Rig
 from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained
 from fpputil.optics.fringes import fringe_set

@@ -11,7 +11,8 @@ from safetensors.torch import load_file
 from torch import nn
 
 from fpputil.learning.evaluation import evaluate, measure, open_split, predictions, save_points
-from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.methods import SFNetMethod, settings_of
+from fpputil.learning.rig import Rig
 from fpputil.learning.synthfringe import Augmentation, SynthFringe
 from fpputil.learning.weights import Trained, load_weights, record, save_weights
 
@@ -234,4 +235,4 @@ def test_what_was_measured_is_kept_with_the_weights(tmp_path, about, dtype):
     back = load_weights(path)
     assert back.about == {**about, "metrics": metrics} and back.method == METHOD
     beside = json.loads((tmp_path / "net.json").read_text())
-    assert beside["metrics"] == metrics and beside["method"] == METHOD.settings()
+    assert beside["metrics"] == metrics and beside["method"] == settings_of(METHOD)

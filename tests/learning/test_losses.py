@@ -8,7 +8,8 @@ import torch
 
 from fpputil.decoding.reference import two_phase_absolute
 from fpputil.learning.losses import Pixels, Weights
-from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.methods import SFNetMethod
+from fpputil.learning.rig import Rig
 from fpputil.learning.synthfringe import SynthFringe
 
 TWO_PI = 2 * math.pi
@@ -18,7 +19,8 @@ SIZE = (5, 7)
 
 
 def rig_of(Phi_min):
-    return Rig(None, PITCHES, torch.as_tensor(Phi_min, dtype=torch.float32), None)
+    lowest = {"zmin": torch.as_tensor(Phi_min, dtype=torch.float32)}
+    return Rig(None, PITCHES, lowest, None, (0.0, 255.0))
 
 
 RIG = rig_of(np.random.default_rng(9).uniform(-1, 3, SIZE))
@@ -28,7 +30,7 @@ def ideal(number=3, size=SIZE, seed=0, rig=RIG):
     """Truth of random surfaces, float64, and the outputs that fit it."""
     rng = np.random.default_rng(seed)
     shape = (number, *size)
-    Phi_r = rig.Phi_min.numpy().astype(float) + rng.uniform(0.5, TWO_PI - 0.5, shape)
+    Phi_r = rig.lowest["zmin"].numpy().astype(float) + rng.uniform(0.5, TWO_PI - 0.5, shape)
     Phi = RATIO * Phi_r
     M, D = (rng.standard_normal((number, 4, *size)) for _ in "MD")
     M[:, 0], D[:, 0] = -np.sin(Phi), np.cos(Phi)
@@ -66,7 +68,7 @@ def by_loops(outputs, truth, rig, method):
             given = high, low = tuple(float(outputs[k, 0][p]) for k in (0, 1))
             wanted = wrapped(float(Phi[p])), truth["phi_r"][p]
         squares.append([(float(x) - float(y)) ** 2 for x, y in zip(given, wanted, strict=True)])
-        K_r = math.ceil((float(rig.Phi_min[p]) - low) / TWO_PI)
+        K_r = math.ceil((float(rig.lowest["zmin"][p]) - low) / TWO_PI)
         K_h = round((RATIO * (low + TWO_PI * K_r) - high) / TWO_PI)
         phi_h[p], Phi_found[p] = high, high + TWO_PI * K_h
         residual = Phi_found[p] - float(Phi[p])
@@ -264,7 +266,7 @@ def test_where_the_absolute_phase_pushes(order):
 @pytest.mark.parametrize("target", ["components", "phase"])
 @pytest.mark.parametrize("order", [True, False])
 def test_gradients_are_those_of_finite_differences(target, order):
-    rig = rig_of(RIG.Phi_min[:3, :4])
+    rig = rig_of(RIG.lowest["zmin"][:3, :4])
     truth, outputs = ideal(2, (3, 4), rig=rig)
     method = SFNetMethod(target=target, weights=Weights(order=order, mean=True))
     outputs = given_to(method, guess(outputs, spread=0.3)).requires_grad_()
@@ -298,7 +300,7 @@ def test_ideal_outputs_lead_to_the_decoders_phase(items):
     Phi, mask = SFNetMethod().absolute(outputs, rig), batch["mask"]
     assert (Phi - batch["Phi"])[mask].abs().max() < 1e-3
     phi_h, phi_r = (-np.arctan2(x[:, 0], x[:, 1]) for x in outputs.double().numpy().swapaxes(0, 1))
-    Phi_min = rig.Phi_min.double().numpy()
+    Phi_min = rig.lowest["zmin"].double().numpy()
     decoded = two_phase_absolute(phi_h, phi_r, Phi_min, 24, 304)
     assert np.abs(Phi.numpy() - decoded)[mask].max() < 1e-4
     losses = SFNetMethod().losses(outputs, batch, rig)
@@ -321,7 +323,7 @@ def test_one_photograph_is_not_enough(items):
     e = (rig.one_photograph(phi_h) - batch["Phi"])[batch["mask"]]
     assert ((e / TWO_PI) - (e / TWO_PI).round()).abs().max() < 1e-4  # whole orders
     assert (e.abs() > math.pi).float().mean() > 0.5
-    lowest = rig.Phi_min_high[batch["mask"].nonzero()[:, 1], batch["mask"].nonzero()[:, 2]]
+    lowest = rig.lowest["high"][batch["mask"].nonzero()[:, 1], batch["mask"].nonzero()[:, 2]]
     inside = rig.one_photograph(phi_h)[batch["mask"]] - lowest
     assert inside.min() > -1e-3 and inside.max() < TWO_PI + 1e-3
 

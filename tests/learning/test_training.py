@@ -24,9 +24,10 @@ from fpputil.learning.devices import World
 from fpputil.learning.generate import generate
 from fpputil.learning.history import read_history
 from fpputil.learning.losses import Weights
-from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.methods import SFNetMethod
 from fpputil.learning.plan import seeded_models
 from fpputil.learning.recipes import CAMERA
+from fpputil.learning.rig import Rig
 from fpputil.learning.settings import Settings
 from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.trainer import Trainer

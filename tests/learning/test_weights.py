@@ -189,12 +189,14 @@ def test_the_weight_that_does_not_fit_is_named(saved):
 @pytest.mark.parametrize(
     "changes, said",
     [
-        ({"method": "psnet"}, "method 'psnet' is not known"),
+        ({"method": "unet"}, "method 'unet' is not known"),
+        ({"method": "psnet"}, r"\['base', 'dropout', 'levels'\] needed"),
+        ({"second": "first"}, "second 'first'"),
         ({"method": None}, "method None is not known"),
         ({"depth": 3}, "depth"),
         ({"weights": {"phase": 1.0, "focal": 2.0}}, "focal"),
         ({"weights": {"phase": -1.0}}, "-1.0"),
-        ({"weights": None}, ""),
+        ({"weights": None}, "weights None"),
         ({"base": None}, "base"),
         ({"base": "8"}, "base '8'"),
         ({"levels": 1}, "levels 1"),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
-METHODS = ("sfnet",)
-OF_METHOD = ("frames", "base", "levels", "dropout", "mixing", "target")
+METHODS = ("sfnet", "sido", "psnet", "dlalnet")
+OF_METHOD = ("frames", "base", "levels", "dropout", "mixing", "target", "second", "plane")
 OF_SETTINGS = (
     *("epochs", "batch", "rate", "schedule", "wait", "decay", "clip", "patience", "validate"),
     *("seed", "precision", "views"),
@@ -62,9 +62,11 @@ def _network(group) -> None:
     group.add_argument("--dropout", type=float, help="share dropped where features are joined")
     group.add_argument("--mixing", help="none, deepest or 'every level'")
     group.add_argument("--target", help="components (M and D) or phase")
+    group.add_argument("--second", help="refined (reference), or zmin, mid or unit in its place")
     for name in ("phase", "consistency", "geometric"):
         group.add_argument(f"--{name}", type=float, metavar="W", help=f"weight of the {name} loss")
     yes_or_no = argparse.BooleanOptionalAction
+    group.add_argument("--plane", action=yes_or_no, help="show SIDO the empty plane, too")
     group.add_argument("--modulo", action=yes_or_no,
                        help="compare absolute phases modulo 2 pi in Eq. 12 (ours)")  # fmt: skip
     group.add_argument("--mean", action=yes_or_no,
@@ -78,14 +80,9 @@ def _train(options) -> None:
     from fpputil.learning.training import fit
     from fpputil.learning.weights import load_weights
 
-    method, settings = recipe(options.preset)
+    method, settings = recipe(options.preset, options.method)
     settings = replace(settings, **_given(options, OF_SETTINGS))
-    weights = _given(options, ("phase", "consistency", "geometric"))
-    weights |= {} if options.modulo is None else {"order": not options.modulo}
-    weights |= _given(options, ("mean",))
-    method = replace(
-        method, weights=replace(method.weights, **weights), **_given(options, OF_METHOD)
-    )
+    method = _changed(method, options)
     manifest = open_store(options.data).manifest
     made = manifest["settings"]["preset"]
     if made not in (options.preset, "imported"):
@@ -110,6 +107,24 @@ def _train(options) -> None:
         f"MAE {best['validation_mae']:.4f} rad, wrong orders {best['validation_order_errors']:.2%} "
         f"after epoch {best['epoch']}, in {options.out / 'weights.safetensors'}"
     )
+
+
+def _changed(method, options):
+    """The method with the options that were given for it."""
+    from fpputil.learning.losses import Weights
+
+    given = _given(options, OF_METHOD)
+    weights = _given(options, ("phase", "consistency", "geometric", "mean"))
+    weights |= {} if options.modulo is None else {"order": not options.modulo}
+    known = {f.name for f in fields(method)}
+    for name in (*given, *(["weights"] if weights else [])):
+        if name not in known:
+            raise ValueError(
+                f"{name} given for {options.method}; its settings are {', '.join(sorted(known))}"
+            )
+    if weights:
+        given["weights"] = replace(method.weights or Weights(), **weights)
+    return replace(method, **given)
 
 
 def _given(options, names) -> dict:

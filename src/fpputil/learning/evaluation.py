@@ -14,13 +14,13 @@ from tqdm.std import tqdm
 from fpputil.checks import whole
 from fpputil.decoding.depth import column, save_ply, triangulate
 from fpputil.learning.devices import device_of, forward, precision_of
-from fpputil.learning.methods import Rig
+from fpputil.learning.methods.frames import true_second
 from fpputil.learning.metrics import Score, errors
+from fpputil.learning.rig import Rig
 from fpputil.learning.synthfringe import Augmentation, SynthFringe
 from fpputil.learning.weights import Trained
 
 BATCH = 8
-TRUTH = ("mask", "Phi", "phi_r", "depth")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,10 @@ class Measured:
 
     Parameters
     ----------
-    phi_h, phi_r : (H, W) float32 arrays
-        Wrapped phases of the high pitch and of the refined reference, radians.
+    phi_h : (H, W) float32 array
+        Wrapped phase of the high pitch, radians.
+    phi_r : (H, W) float32 array or None
+        The second wrapped phase, which the method names: of SFNet the refined reference.
     Phi : (H, W) float32 array
         Absolute phase of the high pitch, radians.
     alone : (H, W) float32 array
@@ -39,7 +41,7 @@ class Measured:
     """
 
     phi_h: np.ndarray
-    phi_r: np.ndarray
+    phi_r: np.ndarray | None
     Phi: np.ndarray
     alone: np.ndarray
 
@@ -62,14 +64,15 @@ def measure(trained: Trained, frames, rig: Rig, precision: str = "float32") -> l
     -------
     list of B `Measured`
     """
-    device = rig.Phi_min.device
+    device, method = rig.plane.device, trained.method
     frames = torch.as_tensor(frames, dtype=torch.float32).to(device)
     if not torch.isfinite(frames).all():
         raise ValueError("photographs with NaN or infinite pixels given; photograph again")
-    outputs = forward(trained.network, frames, precision)
-    phi_h, phi_r = trained.method.phases(outputs)
-    maps = (phi_h, phi_r, trained.method.absolute(outputs, rig), rig.one_photograph(phi_h))
-    return [Measured(*maps) for maps in zip(*(m.cpu().numpy() for m in maps), strict=True)]
+    outputs = forward(trained.network, method.inputs(frames, rig), precision)
+    phi_h, phi_r = method.phases(outputs)
+    maps = (phi_h, phi_r, method.absolute(outputs, rig), rig.one_photograph(phi_h))
+    arrays = ([None] * len(frames) if m is None else m.cpu().numpy() for m in maps)
+    return [Measured(*maps) for maps in zip(*arrays, strict=True)]
 
 
 def open_split(
@@ -132,7 +135,7 @@ def predictions(
     """
     where = device_of(device)
     precision = precision_of(precision, where)
-    rig = Rig.of(data.store.system, data.pitches).to(where)
+    rig = Rig.of(data.store.system, data.pitches, data.extremes).to(where)
     trained.network.to(where, memory_format=torch.channels_last)
     chosen = data if views is None else Subset(data, views)
     loader = DataLoader(chosen, BATCH, num_workers=whole("workers", workers, 0))
@@ -164,7 +167,7 @@ def evaluate(trained: Trained, data: SynthFringe, **how) -> tuple[Score, Score]:
     both, alone = Score(), Score()
     system, pitch = data.store.system, data.pitches["high"]
     for item, found in predictions(trained, data, **how):
-        truth = {k: item[k] for k in TRUTH}
+        truth = item | {"phi_r": true_second(trained.method, item)}
         model = int(item["model"])
         both.add(model, errors(found.Phi, found.phi_h, found.phi_r, truth, system, pitch))
         alone.add(model, errors(found.alone, found.phi_h, None, truth, system, pitch))

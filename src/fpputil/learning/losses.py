@@ -51,6 +51,10 @@ class Pixels:
             (place[..., :-1, :][down], place[..., 1:, :][down]),
         )
 
+    def of_images(self, images: Tensor) -> Tensor:
+        """Values (P, ...) of images (B, ..., H, W) at the pixels."""
+        return images.movedim((-2, -1), (1, 2))[self.mask]
+
     def total(self, values: Tensor, at: Tensor | None = None) -> Tensor:
         """Sum over each image, (B,), of values (P,), or of values at the pixels `at`."""
         image = self.image if at is None else self.image[at]
@@ -62,8 +66,9 @@ class Pixels:
 
 
 def squared(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
-    """Mean squared error of values (P,): a term of Eq. 12. Chapter 8."""
-    return pixels.mean((predicted - true) ** 2)
+    """Mean squared error of values (P,) or (P, ...): a term of Eq. 12. Chapter 8."""
+    e = (predicted - true) ** 2
+    return pixels.mean(e.flatten(1).mean(1) if e.ndim > 1 else e)
 
 
 def wrapped(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
 
 from fpputil.learning.checkpoint import read_about, restore, save_checkpoint
 from fpputil.learning.devices import World
+from fpputil.learning.methods import settings_of
 from fpputil.learning.settings import Settings
 from fpputil.learning.weights import Trained, checksum
 
@@ -93,14 +94,14 @@ def describe(method, settings, data, precision: str, start: Trained | None, size
         If the network to begin with is of another method.
     """
     if start is not None:
-        as_here = replace(start.method, weights=method.weights, dropout=method.dropout)
-        for name, before, now in _differences(as_here.settings(), method.settings()):
+        kept = [settings_of(m) | {"weights": 0, "dropout": 0} for m in (start.method, method)]
+        for name, before, now in _differences(*kept):
             raise ValueError(
                 f"a network with {name} {before} to begin with given, and one with {now} is to "
                 "be trained; only losses and dropout may differ"
             )
     return {
-        "method": method.settings(),
+        "method": settings_of(method),
         "settings": {**asdict(settings), "augmentation": asdict(settings.augmentation)},
         "data": data.store.manifest["content"],
         "precision": precision,

@@ -18,7 +18,8 @@ from tqdm.std import tqdm
 from fpputil.learning.batches import Batches
 from fpputil.learning.devices import World, forward, hardware
 from fpputil.learning.history import write_history
-from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.methods import Method
+from fpputil.learning.rig import Rig
 from fpputil.learning.run import Run
 from fpputil.learning.settings import Settings
 from fpputil.learning.signals import stopping
@@ -32,7 +33,7 @@ WEIGHTS = "weights.safetensors"
 class Trainer:
     """A run and all that it works with; `fit` puts it together."""
 
-    method: SFNetMethod
+    method: Method
     settings: Settings
     rig: Rig
     where: World
@@ -89,7 +90,7 @@ class Trainer:
     def _learn(self, network, batch: dict) -> None:
         """One step of the optimiser."""
         run = self.run
-        outputs = forward(network, batch["frames"], self.precision)
+        outputs = self._forward(network, batch)
         losses = {k: v.mean() for k, v in self.method.losses(outputs, batch, self.rig).items()}
         if not torch.isfinite(losses["total"]):
             raise FloatingPointError(
@@ -105,6 +106,9 @@ class Trainer:
         for k, v in losses.items():
             run.sums[k] = run.sums.get(k, 0.0) + v.item()
 
+    def _forward(self, network, batch: dict):
+        return forward(network, self.method.inputs(batch["frames"], self.rig), self.precision)
+
     @torch.no_grad()
     def _validate(self, loader) -> dict[str, float]:
         """Errors of the absolute phase over all pixels of the validation views."""
@@ -112,7 +116,7 @@ class Trainer:
         number = total = square = wrong = 0.0
         for batch in loader:
             batch = {k: v.to(self.where.device) for k, v in batch.items()}
-            outputs = forward(self.run.network, batch["frames"], self.precision)
+            outputs = self._forward(self.run.network, batch)
             Phi = self.method.absolute(outputs, self.rig)
             e = (Phi - batch["Phi"])[batch["mask"]].abs().double()
             number += len(e)

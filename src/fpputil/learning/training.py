@@ -15,7 +15,8 @@ from fpputil.learning.batches import (
     validation_loader,
 )
 from fpputil.learning.devices import precision_of, world
-from fpputil.learning.methods import Rig, SFNetMethod
+from fpputil.learning.methods import Method
+from fpputil.learning.rig import Rig
 from fpputil.learning.run import begin, claim, describe
 from fpputil.learning.settings import Settings
 from fpputil.learning.synthfringe import SynthFringe
@@ -24,7 +25,7 @@ from fpputil.learning.weights import Trained
 
 
 def fit(
-    method: SFNetMethod,
+    method: Method,
     path: str | Path,
     settings: Settings,
     out: str | Path | None = None,
@@ -39,7 +40,7 @@ def fit(
 
     Parameters
     ----------
-    method : SFNetMethod
+    method : Method
     path : path
         A finished dataset.
     settings : Settings
@@ -90,7 +91,7 @@ def fit(
         run = begin(method, settings, len(batches), where, start)
         if resume:
             run.go_on(out)
-        rig = Rig.of(data.store.system, data.pitches).to(where.device)
+        rig = Rig.of(data.store.system, data.pitches, data.extremes).to(where.device)
         trainer = Trainer(
             method, settings, rig, where, precision, run, out, about, data, batches, progress
         )

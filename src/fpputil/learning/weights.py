@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import safetensors
@@ -13,8 +13,7 @@ from safetensors.torch import load, save
 from torch import nn
 
 from fpputil.checks import write_whole
-from fpputil.learning.losses import Weights
-from fpputil.learning.methods import SFNetMethod
+from fpputil.learning.methods import Method, method_of, settings_of
 
 FORMAT = "fpputil weights 1"
 
@@ -25,7 +24,7 @@ class Trained:
 
     Parameters
     ----------
-    method : SFNetMethod
+    method : Method
     network : nn.Module
         In float32, in evaluation mode.
     about : dict
@@ -33,7 +32,7 @@ class Trained:
         was known when it was saved: data checksum, metrics.
     """
 
-    method: SFNetMethod
+    method: Method
     network: nn.Module
     about: dict = field(default_factory=dict)
 
@@ -52,7 +51,7 @@ def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> Non
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             raise ValueError(f"{name} has weights that are not finite in {dtype}; nothing is saved")
-    about = {"format": FORMAT, "method": trained.method.settings(), **trained.about}
+    about = {"format": FORMAT, "method": settings_of(trained.method), **trained.about}
     write_whole(path, save(tensors, {"about": json.dumps(about)}))
 
 
@@ -81,7 +80,7 @@ def load_weights(path: str | Path) -> Trained:
                  "fpputil weights": "was written by another version of fpputil"}  # fmt: skip
         said = [v for k, v in kinds.items() if str(found).startswith(k)]
         raise ValueError(f"{path} {(said or ['is not a file of weights of fpputil'])[0]}")
-    method = method_of(about.pop("method", None), path)
+    method = _method(about.pop("method", None), path)
     with torch.random.fork_rng(devices=[]):
         network = method.network()
     _fill(network, tensors, path)
@@ -106,7 +105,7 @@ def record(path: str | Path, trained: Trained, split: str, found: dict) -> None:
     metrics = {**trained.about.get("metrics", {}), split: _null(found)}
     after = replace(trained, about={**trained.about, "metrics": metrics})
     save_weights(path, after, dtype)
-    text = json.dumps({"method": trained.method.settings(), **after.about}, indent=1)
+    text = json.dumps({"method": settings_of(trained.method), **after.about}, indent=1)
     write_whole(path.with_suffix(".json"), f"{text}\n".encode())
 
 
@@ -125,17 +124,10 @@ def checksum(network: nn.Module) -> str:
     return hashlib.sha256(save(tensors)).hexdigest()
 
 
-def method_of(settings, path) -> SFNetMethod:
+def _method(settings, path) -> Method:
     """The method that `settings` describe; ValueError with the path if they describe none."""
     try:
-        given = dict(settings)
-        if given.pop("method") != "sfnet":
-            raise ValueError(f"method {settings['method']!r} is not known")
-        given["weights"] = Weights(**given["weights"])
-        known = {f.name for f in fields(SFNetMethod)}
-        if set(given) != known:
-            raise ValueError(f"settings {sorted(given)} found, {sorted(known)} needed")
-        return SFNetMethod(**given)  # which checks its options
+        return method_of(settings)
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} describes no method of this version: {error}") from error
 

@@ -5,8 +5,16 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from fpputil.checks import not_negative, whole
-from fpputil.learning.networks.unet import Decoder, Encoder, initialise, padded
+from fpputil.checks import whole
+from fpputil.learning.networks.unet import (
+    Decoder,
+    Encoder,
+    dropout_of,
+    initialise,
+    padded,
+    taken,
+    widths_of,
+)
 
 MIXING = ("none", "deepest", "every level")
 
@@ -51,14 +59,12 @@ class SFNet(nn.Module):
             raise ValueError(f"frames {frames} given; one number for each of the two pitches")
         if mixing not in MIXING:
             raise ValueError(f"mixing {mixing!r} given; one of {', '.join(MIXING)} is needed")
-        if not_negative("dropout", dropout) >= 1:
-            raise ValueError(f"dropout {dropout} given; a share from 0 to below 1 is needed")
         self.mixing, outputs = mixing, whole("outputs", outputs, 1)
-        widths = [whole("base", base, 1) * 2**k for k in range(whole("levels", levels, 2))]
+        widths = widths_of(base, levels)
         bottom = widths[-1] * (1 if mixing == "none" else 2)
         skips = [w * (2 if mixing == "every level" else 1) for w in widths[:-1]]
         self.encoders = nn.ModuleList(Encoder(n, widths) for n in self.frames)
-        self.dropout = nn.Dropout(dropout)
+        self.dropout = dropout_of(dropout)
         self.decoders = nn.ModuleList(Decoder(bottom, widths, skips, outputs) for _ in range(2))
         initialise(self)
 
@@ -75,11 +81,7 @@ class SFNet(nn.Module):
         (B, 2, outputs, H, W) float32 tensor
             High pitch, then refined reference; of each M, then D.
         """
-        if frames.ndim != 4 or frames.shape[1] != sum(self.frames):
-            raise ValueError(
-                f"frames of shape {tuple(frames.shape)} given; this network takes "
-                f"(B, {sum(self.frames)}, H, W), {self.frames[0]} of the high pitch first"
-            )
+        taken(frames, self.frames)
         height, width = frames.shape[-2:]
         room = padded(frames, 2 ** (len(self.encoders[0].levels) - 1))
         pyramids = [

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
+from fpputil.checks import not_negative, whole
+
 
 def convolutions(before: int, after: int) -> nn.Sequential:
     """Two 3 x 3 convolutions with stride 1 and zero padding, each followed by ReLU.
@@ -75,6 +77,65 @@ class Decoder(nn.Module):
             x = level(torch.cat([up(x), skip], 1))
         with torch.autocast(x.device.type, enabled=False):
             return self.out(x.float())
+
+
+class UNet(nn.Module):
+    """One encoder, and for each group of outputs a decoder of its own. Chapter 9.
+
+    Parameters
+    ----------
+    frames : int
+        Photographs that go in.
+    outputs : sequence of int
+        Channels that each decoder ends in.
+    base, levels, dropout
+        As of `SFNet`.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive or the dropout not in [0, 1).
+    """
+
+    def __init__(self, frames: int, outputs: Sequence[int], base: int, levels: int, dropout: float):
+        super().__init__()
+        self.frames = (whole("frames", frames, 1),)
+        widths = widths_of(base, levels)
+        self.encoder = Encoder(frames, widths)
+        self.dropout = dropout_of(dropout)
+        self.decoders = nn.ModuleList(
+            Decoder(widths[-1], widths, widths[:-1], whole("outputs", n, 1)) for n in outputs
+        )
+        initialise(self)
+
+    def forward(self, frames: Tensor) -> list[Tensor]:
+        """Of photographs (B, F, H, W) the outputs of each decoder, (B, C, H, W) float32."""
+        taken(frames, self.frames)
+        height, width = frames.shape[-2:]
+        features = self.encoder(padded(frames, 2 ** (len(self.encoder.levels) - 1)))
+        deepest = self.dropout(features[-1])
+        return [d(deepest, features[:-1])[..., :height, :width] for d in self.decoders]
+
+
+def widths_of(base: int, levels: int) -> list[int]:
+    """Channels of each level, finest first: doubling from `base`."""
+    return [whole("base", base, 1) * 2**k for k in range(whole("levels", levels, 2))]
+
+
+def dropout_of(share: float) -> nn.Dropout:
+    """Dropout of a share of the deepest features, from 0 to below 1."""
+    if not_negative("dropout", share) >= 1:
+        raise ValueError(f"dropout {share} given; a share from 0 to below 1 is needed")
+    return nn.Dropout(share)
+
+
+def taken(frames: Tensor, numbers: Sequence[int]) -> None:
+    """Raise unless frames are as many photographs as a network of `numbers` takes."""
+    if frames.ndim != 4 or frames.shape[1] != sum(numbers):
+        raise ValueError(
+            f"frames of shape {tuple(frames.shape)} given; this network takes "
+            f"(B, {sum(numbers)}, H, W), {numbers[0]} of the high pitch first"
+        )
 
 
 def padded(frames: Tensor, multiple: int) -> Tensor:

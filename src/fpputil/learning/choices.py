@@ -1,6 +1,6 @@
-"""Runs behind the tables of the book, by name (chapter 8).
+"""Runs that tell what our readings of SFNet are worth, by name (chapter 8).
 
-``python -m fpputil.learning.experiments PATH`` trains the runs of `CHOICES` that are not in
+``python -m fpputil.learning.choices PATH`` trains the runs of `CHOICES` that are not in
 ``data/results/sfnet-choices.json`` yet, on the training split of the dataset in PATH.
 """
 
@@ -16,7 +16,7 @@ import torch
 from fpputil.checks import write_whole
 from fpputil.learning.devices import hardware
 from fpputil.learning.losses import Weights
-from fpputil.learning.methods import SFNetMethod
+from fpputil.learning.methods import SFNetMethod, method_of, settings_of
 from fpputil.learning.recipes import recipe
 from fpputil.learning.run import plain
 from fpputil.learning.store import open_store
@@ -63,8 +63,8 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
         if found["data"] != content:
             raise ValueError(f"{path} holds runs on the dataset {found['data']}, not {content}")
     for name, (method, seed) in CHOICES.items():
-        wanted = {"seed": seed, "method": method.settings(), "settings": plain(asdict(SHORT))}
-        if all(found["runs"].get(name, {}).get(k) == v for k, v in wanted.items()):
+        wanted = {"seed": seed, "method": settings_of(method), "settings": plain(asdict(SHORT))}
+        if (done := found["runs"].get(name)) and _as_plain(done) == wanted:
             continue
         _, history = fit(method, data, replace(SHORT, seed=seed), workers=workers, progress=True)
         last = history[-1]
@@ -80,7 +80,16 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
     return found
 
 
+def _as_plain(done: dict) -> dict:
+    """Seed, method and settings of a run that was recorded, as this version writes them."""
+    return {
+        "seed": done["seed"],
+        "method": settings_of(method_of(done["method"])),
+        "settings": done["settings"],
+    }
+
+
 if __name__ == "__main__":
     if len(sys.argv) != 2:
-        sys.exit("usage: python -m fpputil.learning.experiments PATH, a dataset of the preset tiny")
+        sys.exit("usage: python -m fpputil.learning.choices PATH, a dataset of the preset tiny")
     run_choices(sys.argv[1])
