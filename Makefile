@@ -16,7 +16,7 @@ CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
 HOME_IS := $(shell "$(PYTHON)" -c 'import sys; print(sys.version_info[:3])' 2>/dev/null) $(CURDIR)
 STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo '$(BLENDER) $(TORCH) $(HOME_IS)'; } | cksum | cut -d' ' -f1)
 
-.PHONY: help book test pages lab bench lint format lock clean install
+.PHONY: help book test pages lab results bench lint format lock clean install
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.11] [BLENDER=0] [TORCH=wheel-or-requirement]"
@@ -40,6 +40,13 @@ pages: install ## render the pages from the stored outputs, executing nothing
 
 lab: install ## open JupyterLab on the chapters
 	$(BIN)/jupyter lab --notebook-dir chapters
+
+results: install ## make the runs behind the tables that are missing (hours; resumable)
+	mkdir -p sets
+	$(BIN)/fpp dataset generate --preset tiny --models 1000 --held-out 60 --views 18 --seed 1 --workers 2 sets/tiny
+	$(BIN)/fpp results rates
+	$(BIN)/fpp results run all
+	$(BIN)/fpp results list
 
 bench: install .venv-peer ## compare speeds, side by side with a peer package
 	$(BIN)/python -m benchmarks --peer .venv-peer/bin/python

@@ -19,7 +19,7 @@ import numba
 import numpy as np
 import trimesh
 
-from benchmarks import cycles, loading, networks
+from benchmarks import cycles, loading, networks, rivals
 from benchmarks.timing import median_seconds
 from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
@@ -160,6 +160,7 @@ def main() -> None:
     results["loading paper"] = loading.bench_loading("paper", 150, 2)
     results["training step tiny"] = networks.bench_training()
     results["measuring 640x480"] = networks.bench_measuring()
+    results["methods 640x480"] = rivals.bench_rivals()
     if blender_works():
         results[cycles.TITLE] = cycles.bench_cycles()
     else:

@@ -39,6 +39,7 @@ def add_to(commands) -> None:
     evaluate.add_argument("--noise", type=float, default=0.0, help="read noise, grey levels")
     evaluate.add_argument("--gain", type=float, default=1.0, help="exposure")
     evaluate.add_argument("--gamma", type=float, default=1.0, help="camera response")
+    evaluate.add_argument("--texture", type=float, default=0.0, help="contrast of dark blotches")
     evaluate.add_argument("--seed", type=int, default=0, help="of noise and intervals")
     evaluate.add_argument("--workers", type=int, default=1, help="processes that load (default 1)")
     evaluate.add_argument("--device", default="cpu", help="cpu, cuda ... (default cpu)")
@@ -57,11 +58,14 @@ def _evaluate(options) -> None:
     from fpputil.learning.synthfringe import Augmentation
     from fpputil.learning.weights import load_weights, record
 
-    if options.record and (options.noise, options.gain, options.gamma) != (0, 1, 1):
+    other = (options.noise, options.gain, options.gamma, options.texture)
+    if options.record and other != (0, 1, 1, 0):
         raise ValueError("--record with another camera given; it keeps the dataset's own alone")
     trained = load_weights(options.weights)
     camera = {k: (getattr(options, k),) * 2 for k in ("gain", "noise", "gamma")}
-    data = open_split(trained, options.data, options.split, Augmentation(**camera), options.seed)
+    data = open_split(
+        trained, options.data, options.split, Augmentation(**camera), options.seed, options.texture
+    )
     if options.save is not None:
         _save(options, trained, data)
     views = spread(data, len(data) if options.views is None else options.views)

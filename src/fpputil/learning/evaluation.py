@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -81,8 +81,9 @@ def open_split(
     split: str,
     augmentation: Augmentation | None = None,
     seed: int = 0,
+    texture: float = 0.0,
 ) -> SynthFringe:
-    """A split of a dataset as the network wants its photographs.
+    """A split of a dataset as the network wants its photographs; options as of `SynthFringe`.
 
     Raises
     ------
@@ -99,6 +100,7 @@ def open_split(
         augmentation,
         seed,
         extremes=trained.about["extremes"],
+        texture=texture,
     )
     camera = data.store.system.camera
     found = {"pitches": dict(data.pitches), "camera": [camera.height, camera.width]}
@@ -148,7 +150,9 @@ def predictions(
             bar.update(len(found))
 
 
-def evaluate(trained: Trained, data: SynthFringe, **how) -> tuple[Score, Score]:
+def evaluate(
+    trained: Trained, data: SynthFringe, each: Callable | None = None, **how
+) -> tuple[Score, Score]:
     """Errors over a split: of the network, and of its phi_h without its phi_r.
 
     Parameters
@@ -156,6 +160,8 @@ def evaluate(trained: Trained, data: SynthFringe, **how) -> tuple[Score, Score]:
     trained : Trained
     data : SynthFringe
         From `open_split`.
+    each : callable, optional
+        Given every item and what was `Measured` of it.
     **how
         Options of `predictions`.
 
@@ -171,6 +177,8 @@ def evaluate(trained: Trained, data: SynthFringe, **how) -> tuple[Score, Score]:
         model = int(item["model"])
         both.add(model, errors(found.Phi, found.phi_h, found.phi_r, truth, system, pitch))
         alone.add(model, errors(found.alone, found.phi_h, None, truth, system, pitch))
+        if each is not None:
+            each(item, found)
     return both, alone
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.ndimage import gaussian_filter
 from torch.utils.data import Dataset
 
 from fpputil.checks import not_negative, positive, whole
@@ -18,6 +19,8 @@ from fpputil.learning.layout import FREQUENCIES, STEPS
 from fpputil.learning.store import Store, open_store
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.view import View
+
+BLOTCHES = 40  # of a texture in a row of pixels, about
 
 Frame = tuple[str, int, int]
 """A photograph by name: frequency, number of steps, which step. ("high", 4, 2) is shifted by pi."""
@@ -92,6 +95,9 @@ class SynthFringe(Dataset):
     extremes : (low, high), optional
         Grey levels that become 0 and 1; by default those of this dataset's training split. A
         network that was trained on another dataset wants that one's.
+    texture : float
+        Contrast, 0 to below 1, of dark blotches printed on the surfaces, other ones in every view
+        and the same in every epoch. They change targets and mask, too.
 
     Raises
     ------
@@ -109,6 +115,7 @@ class SynthFringe(Dataset):
         seed: int = 0,
         threshold: float = phase.THRESHOLD,
         extremes: tuple[float, float] | None = None,
+        texture: float = 0.0,
     ):
         self.store: Store = open_store(path)
         self.indices = self.store.indices(split)
@@ -120,6 +127,12 @@ class SynthFringe(Dataset):
         self.augmentation = augmentation or Augmentation()
         self.threshold = not_negative("threshold", threshold, "grey levels")
         self.seed = whole("seed", seed, 0)
+        self.texture = not_negative("texture", texture)
+        if self.texture >= 1 or (self.texture and self.store.fringes):
+            raise ValueError(
+                f"texture {texture} given; a contrast below 1 is needed, and 0 for a dataset of "
+                "photographs, which have their own"
+            )
         self.Phi_min = minimum_phase(self.store.system, self.pitches["zmin"])
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # workers see it change
 
@@ -132,7 +145,7 @@ class SynthFringe(Dataset):
 
     def __getitem__(self, number: int) -> dict[str, torch.Tensor]:
         index = int(self.indices[number])
-        view = self.store.view(index)
+        view = self._view(index)
         rng = np.random.default_rng((self.seed, int(self._epoch), index))
         camera = self.augmentation.draw(rng)
         stored = self.store.array("frames", index) if self.store.fringes else None
@@ -140,6 +153,15 @@ class SynthFringe(Dataset):
         item["frames"] = self._photographs(view, stored, camera)
         item["index"], item["model"] = index, index // self.store.manifest["settings"]["views"]
         return {k: torch.as_tensor(v) for k, v in item.items()}
+
+    def _view(self, index: int) -> View:
+        """A view as it is stored, or with blotches on it."""
+        view = self.store.view(index)
+        if not self.texture:
+            return view
+        noise = np.random.default_rng((self.seed, index)).standard_normal(view.mask.shape)
+        blotches = gaussian_filter(noise, view.mask.shape[1] / BLOTCHES) > 0
+        return replace(view, shade=view.shade * (1 - self.texture * blotches).astype(np.float32))
 
     def _photographs(self, view: View, stored, camera: dict) -> np.ndarray:
         """What the network sees, (F, H, W) float32."""

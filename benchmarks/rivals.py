@@ -1,0 +1,54 @@
+"""Time and memory of SFNet and its rivals, from photographs of 640 x 480 to absolute phase."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import torch
+
+from benchmarks.timing import median_seconds
+from fpputil.learning.evaluation import measure
+from fpputil.learning.experiments import methods
+from fpputil.learning.methods import METHODS
+from fpputil.learning.networks.measuring import cost
+from fpputil.learning.rig import Rig
+from fpputil.learning.weights import Trained
+from fpputil.optics.system import preset
+
+
+def prepared(name: str):
+    """What measures one set of photographs by a method, its weights random."""
+    p = preset("paper")
+    rig = Rig.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
+    method = methods("paper")[name]
+    torch.manual_seed(0)
+    trained = Trained(method, method.network().to(memory_format=torch.channels_last).eval())
+    shots = np.random.default_rng(0).random((1, len(method.photographs), 480, 640), np.float32)
+    return trained, lambda: measure(trained, shots, rig)
+
+
+def bench_rivals(repeats: int = 5) -> dict:
+    """Of each method seconds in 32 bit, its ratio to SFNet's, and MiB of memory on top."""
+    ways = {name: prepared(name) for name in METHODS}
+    seconds = median_seconds(*(act for _, act in ways.values()), repeats=repeats)
+    found = {"threads": torch.get_num_threads()}
+    for (name, (trained, _)), time in zip(ways.items(), seconds, strict=True):
+        run = [sys.executable, "-m", "benchmarks.rivals", name]
+        peak = subprocess.run(run, check=True, capture_output=True, text=True).stdout
+        found |= {
+            f"{name}_seconds": time,
+            f"{name}_over_sfnet": time / seconds[0],
+            f"{name}_peak_mib": float(peak),
+            f"{name}_multiply_adds": cost(trained.network, (480, 640)).multiply_adds,
+        }
+    return found
+
+
+if __name__ == "__main__":
+    _, act = prepared(sys.argv[1])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    act()
+    print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)

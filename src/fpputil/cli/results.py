@@ -1,0 +1,160 @@
+"""`fpp results`: the runs behind the tables, made by name and printed (chapters 10 and 11)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def add_to(commands) -> None:
+    """Add the command to those of `fpp`."""
+    results = commands.add_parser(
+        "results",
+        help="make and print the tables of the paper",
+        description="Runs are made by name; what one found is a JSON file in RESULTS/PRESET. A "
+        "finished run is not repeated, one that was stopped goes on, and several processes may "
+        "make runs side by side.",
+    )
+    parts = results.add_subparsers(title="parts", required=True, metavar="PART")
+    _list(parts.add_parser("list", help="the runs: which are finished, and what the others cost"))
+    _rates(parts.add_parser("rates", help="search the learning rate of each method, at tiny"))
+    _run(parts.add_parser("run", help="make runs"))
+    _table(parts.add_parser("table", help="print a table"))
+
+
+def _common(part, run) -> None:
+    part.add_argument("--preset", default="tiny", help="tiny (default), small or paper")
+    part.add_argument("--results", type=Path, default=Path("data/results"), metavar="DIR",
+                      help="folder of the results (default data/results)")  # fmt: skip
+    part.set_defaults(run=run, go_on="the same command goes on from here")
+
+
+def _training(part) -> None:
+    part.add_argument("--data", type=Path, metavar="PATH",
+                      help="the dataset (default sets/PRESET)")  # fmt: skip
+    part.add_argument("--workers", type=int, default=1, help="processes that load (default 1)")
+    part.add_argument("--device", help="cpu, cuda, cuda:1 ... (default: a GPU if there is one)")
+    part.add_argument("--threads", type=int, help="of the processor (default: all)")
+
+
+def _list(part) -> None:
+    _common(part, _print_list)
+
+
+def _rates(part) -> None:
+    part.add_argument("--results", type=Path, default=Path("data/results"), metavar="DIR",
+                      help="folder of the results (default data/results)")  # fmt: skip
+    _training(part)
+    part.set_defaults(run=_search, preset="tiny", go_on="the same command goes on from here")
+
+
+def _run(part) -> None:
+    part.add_argument("names", nargs="+", metavar="NAME", help="of a run, or all")
+    part.add_argument("--work", type=Path, default=Path("runs"), metavar="DIR",
+                      help="folder for runs under way (default runs)")  # fmt: skip
+    _common(part, _make)
+    _training(part)
+
+
+def _table(part) -> None:
+    part.add_argument("number", help="3, 4, 5, 6 or ours")
+    _common(part, _print_table)
+
+
+def _print_list(options) -> None:
+    from fpputil.learning.experiments import SCENES, budget, experiments
+    from fpputil.learning.networks.measuring import cost
+    from fpputil.learning.tables import read_runs
+    from fpputil.optics.system import preset
+
+    runs = read_runs(options.preset, options.results)
+    camera = preset(options.preset).system.camera
+    speed = _multiply_adds_a_second(options)
+    settings, left = budget(options.preset), 0.0
+    for name, one in experiments(options.preset).items():
+        if name in runs:
+            found = runs[name]["splits"]["test"]["measures"]["mae_rad"][0]
+            print(f"{name:24} MAE {found:.4f} rad, {runs[name]['seconds'] / 60:.1f} min")
+            continue
+        line = f"{name:24} to be made"
+        if speed:
+            work = cost(one.method.network(), (camera.height, camera.width)).multiply_adds
+            views = settings.views or SCENES
+            seconds = settings.epochs * views * work / speed
+            left += seconds
+            line += f", about {seconds / 60:.0f} min"
+        print(line)
+    if left:
+        print(f"{left / 3600:.1f} hours in all at the speed of the finished runs on this preset "
+              "or, without any, on tiny: training alone")  # fmt: skip
+
+
+def _multiply_adds_a_second(options) -> float | None:
+    """Of forward passes in training, from the runs that are finished."""
+    from statistics import median
+
+    from fpputil.learning.tables import read_runs
+
+    for name in (options.preset, "tiny"):
+        if runs := read_runs(name, options.results).values():
+            return median(r["images"] * r["multiply_adds"] / r["seconds"] for r in runs)
+    return None
+
+
+def _threads(options) -> None:
+    import torch
+
+    from fpputil.checks import whole
+
+    if options.threads is not None:
+        torch.set_num_threads(whole("threads", options.threads, 1))
+
+
+def _data(options) -> Path:
+    return options.data or Path("sets") / options.preset
+
+
+def _search(options) -> None:
+    from fpputil.learning.rates import search
+
+    _threads(options)
+    path = options.results / "tiny" / "rates.json"
+    how = {"workers": options.workers, "device": options.device, "progress": True}
+    for kind, rate in search(_data(options), path, **how).items():
+        print(f"{kind:8} {rate:g}")
+
+
+def _make(options) -> int:
+    from fpputil.learning.experiments import experiments
+    from fpputil.learning.results import run
+
+    _threads(options)
+    names = list(experiments(options.preset)) if "all" in options.names else options.names
+    how = {"workers": options.workers, "device": options.device, "progress": True}
+    elsewhere = []
+    for name in names:
+        try:
+            found = run(name, options.preset, _data(options), options.work, options.results, **how)
+        except BlockingIOError as error:
+            elsewhere.append(name)
+            print(error)
+            continue
+        value, low, high = found["splits"]["test"]["measures"]["mae_rad"]
+        print(f"{name:24} MAE {value:.4f} [{low:.4f}, {high:.4f}] rad")
+    return 1 if elsewhere else 0
+
+
+def _print_table(options) -> None:
+    from fpputil.learning.tables import agreement, as_text, read_runs, table
+
+    number = int(options.number) if options.number.isdecimal() else options.number
+    runs = read_runs(options.preset, options.results)
+    rows = table(number, runs)
+    if not rows:
+        raise ValueError(
+            f"no run of table {number} is finished at the preset {options.preset}; make them: "
+            "fpp results run all"
+        )
+    control = runs["sfnet"]["splits"]["test"]["alone"] if "sfnet" in runs else None
+    print(as_text(rows, control))
+    if number == 6 and len(rows) > 2:
+        print("Kendall's tau with the paper {:.2f}, p = {:.2f}".format(*agreement(rows)))
