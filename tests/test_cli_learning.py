@@ -79,20 +79,8 @@ def test_train_says_how_it_went(data, tmp_path, capsys):
 def test_every_option_of_train_arrives(data, tmp_path):
     given = (
         *("--rate", "0.002", "--schedule", "plateau", "--decay", "0.5", "--clip", "2"),
-        *(
-            "--wait",
-            "3",
-            "--patience",
-            "7",
-            "--views",
-            "3",
-            "--batch",
-            "3",
-            "--seed",
-            "11",
-            "--frames",
-            "2",
-        ),
+        *("--wait", "3", "--patience", "7", "--views", "3", "--batch", "3", "--seed", "11"),
+        *("--frames", "2", "--second", "mid", "--gain", "0.5", "2", "--gamma", "0.9", "1.1"),
         *("--dropout", "0.25", "--mixing", "none", "--target", "phase", "--phase", "2"),
         *("--consistency", "0.5", "--geometric", "0.25", "--modulo", "--mean"),
     )
@@ -110,10 +98,12 @@ def test_every_option_of_train_arrives(data, tmp_path):
     wanted |= {"views": 3, "batch": 3, "seed": 11, "epochs": 1, "validate": 2}
     assert {k: settings[k] for k in wanted} == wanted
     wanted = {"frames": 2, "dropout": 0.25, "mixing": "none", "target": "phase", "base": 2}
+    wanted |= {"second": "mid"}
     assert {k: method[k] for k in wanted} == wanted and method["levels"] == 2
     weights = {"phase": 2, "consistency": 0.5, "geometric": 0.25, "order": False, "mean": True}
     assert method["weights"] == weights
-    assert settings["augmentation"]["noise"] == [0.0, 1.0]  # of the recipe
+    camera = {"gain": [0.5, 2.0], "noise": [0.0, 1.0], "gamma": [0.9, 1.1]}  # noise as the recipe
+    assert settings["augmentation"] == camera
 
 
 def test_a_run_begins_with_weights(data, weights, tmp_path):
@@ -348,3 +338,40 @@ def test_wrong_usage(call, capsys):
     with pytest.raises(SystemExit) as stop:
         main(call)
     assert stop.value.code == 2 and "usage" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["sido", "psnet", "dlalnet"])
+def test_rivals_are_trained_and_measured_alike(data, tmp_path, capsys, name):
+    run = tmp_path / "run"
+    assert main(["train", name, "--data", str(data), "--out", str(run), *SMALL]) == 0
+    capsys.readouterr()
+    assert evaluate(run / "weights.safetensors", data, "--texture", "0.5") == 0
+    said = capsys.readouterr().out
+    assert "test: 1 views of 1 models" in said and "wrong fringe orders" in said
+
+
+@pytest.mark.parametrize(
+    "name, options, said",
+    [
+        ("sido", ["--mixing", "none"], "mixing given for sido; its settings are base, dropout"),
+        ("psnet", ["--geometric", "0.1"], "weights given for psnet"),
+        ("dlalnet", ["--no-plane"], "plane given for dlalnet"),
+        ("sfnet", ["--second", "first"], "second 'first' given"),
+        ("sfnet", ["--noise", "2", "1"], "noise from 2.0 to 1.0 given"),
+    ],
+)
+def test_a_setting_of_another_method_is_named(data, tmp_path, capsys, name, options, said):
+    place = ("--data", str(data), "--out", str(tmp_path / "run"))
+    assert main(["train", name, *place, *SMALL, *options]) == 1
+    assert said in one_line(capsys)
+    assert not (tmp_path / "run").exists()
+
+
+def test_settings_of_a_rival_arrive(data, tmp_path):
+    for name, options in (("sido", ["--no-plane"]), ("dlalnet", ["--modulo", "--geometric", "0"])):
+        out = tmp_path / name
+        assert main(["train", name, "--data", str(data), "--out", str(out), *SMALL, *options]) == 0
+    method = load_weights(tmp_path / "sido" / "weights.safetensors").method
+    assert method.plane is False
+    weights = load_weights(tmp_path / "dlalnet" / "weights.safetensors").method.weights
+    assert (weights.order, weights.geometric, weights.consistency) == (False, 0, 1e-2)

@@ -13,6 +13,7 @@ OF_SETTINGS = (
     *("epochs", "batch", "rate", "schedule", "wait", "decay", "clip", "patience", "validate"),
     *("seed", "precision", "views"),
 )
+OF_CAMERA = {"gain": "exposure", "noise": "read noise in grey levels", "gamma": "response"}
 
 
 def add_to(commands) -> None:
@@ -53,6 +54,9 @@ def _settings(group) -> None:
     group.add_argument("--validate", type=int, help="validation views to measure on")
     group.add_argument("--seed", type=int, help="of weights, order, augmentation, dropout")
     group.add_argument("--precision", help="float32, bfloat16 or auto")
+    for name, what in OF_CAMERA.items():
+        group.add_argument(f"--{name}", type=float, nargs=2, metavar=("LOW", "HIGH"),
+                           help=f"{what}, drawn for every photograph")  # fmt: skip
 
 
 def _network(group) -> None:
@@ -82,6 +86,8 @@ def _train(options) -> None:
 
     method, settings = recipe(options.preset, options.method)
     settings = replace(settings, **_given(options, OF_SETTINGS))
+    camera = {k: tuple(v) for k, v in _given(options, OF_CAMERA).items()}
+    settings = replace(settings, augmentation=replace(settings.augmentation, **camera))
     method = _changed(method, options)
     manifest = open_store(options.data).manifest
     made = manifest["settings"]["preset"]

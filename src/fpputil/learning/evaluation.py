@@ -11,8 +11,8 @@ import torch
 from torch.utils.data import DataLoader, Subset
 from tqdm.std import tqdm
 
-from fpputil.checks import whole
 from fpputil.decoding.depth import column, save_ply, triangulate
+from fpputil.learning.batches import closing, processes
 from fpputil.learning.devices import device_of, forward, precision_of
 from fpputil.learning.methods.frames import true_second
 from fpputil.learning.metrics import Score, errors
@@ -140,8 +140,9 @@ def predictions(
     rig = Rig.of(data.store.system, data.pitches, data.extremes).to(where)
     trained.network.to(where, memory_format=torch.channels_last)
     chosen = data if views is None else Subset(data, views)
-    loader = DataLoader(chosen, BATCH, num_workers=whole("workers", workers, 0))
-    with tqdm(total=len(chosen), unit="view", disable=not progress, leave=False) as bar:
+    loader = DataLoader(chosen, BATCH, **processes(workers))
+    bar = tqdm(total=len(chosen), unit="view", disable=not progress, leave=False)
+    with closing(loader), bar:
         for batch in loader:
             found = measure(trained, batch["frames"], rig, precision)
             arrays = {k: v.numpy() for k, v in batch.items()}
