@@ -11,11 +11,12 @@ import torch
 from torch.utils.data import DataLoader
 
 from benchmarks.networks import training_seconds
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.devices import bfloat16_unit
 from fpputil.learning.generate import generate
 from fpputil.learning.methods import SFNetMethod
 from fpputil.learning.plan import seeded_models
-from fpputil.learning.synthfringe import Augmentation, SynthFringe
+from fpputil.learning.synthfringe import SynthFringe
 
 BATCH = 8
 

@@ -12,11 +12,11 @@ from safetensors.torch import load_file, save_file
 
 from fpputil.cli import main
 from fpputil.learning import evaluation
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.checkpoint import read_about
 from fpputil.learning.generate import generate
 from fpputil.learning.history import read_history
 from fpputil.learning.plan import seeded_models
-from fpputil.learning.synthfringe import Augmentation
 from fpputil.learning.weights import load_weights
 
 SMALL = (

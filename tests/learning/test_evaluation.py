@@ -10,10 +10,11 @@ import trimesh
 from safetensors.torch import load_file
 from torch import nn
 
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.evaluation import evaluate, measure, open_split, predictions, save_points
 from fpputil.learning.methods import SFNetMethod, settings_of
 from fpputil.learning.rig import Rig
-from fpputil.learning.synthfringe import Augmentation, SynthFringe
+from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained, load_weights, record, save_weights
 
 TWO_PI = 2 * math.pi

@@ -9,9 +9,10 @@ import pytest
 import torch
 
 from fpputil.learning import folders
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.folders import export_folder, import_folder
 from fpputil.learning.store import check, open_store
-from fpputil.learning.synthfringe import Augmentation, SynthFringe
+from fpputil.learning.synthfringe import SynthFringe
 from fpputil.optics.fringes import Fringe
 
 

@@ -65,13 +65,44 @@ def test_waves_are_found_at_their_harmonic(harmonic):
     amplitudes = np.array(summary["waves"])
     assert amplitudes[harmonic - 1] == pytest.approx(0.2, rel=0.05)
     assert np.delete(amplitudes, harmonic - 1).max() < 0.02
-    assert summary["wave_share"] == pytest.approx(0.02 / (0.02 + 0.0025), rel=0.05)
+    assert max(summary["floor"]) < 0.02
+    assert summary["rms"] == pytest.approx(math.sqrt(0.02 + 0.0025), rel=0.05)
+
+
+def test_an_offset_and_a_smooth_error_are_no_waves():
+    v, u = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)
+    inspection = Inspection()
+    inspection.add(view(slanted()), found(slanted(), slanted() + 0.05))
+    assert max(inspection.summary()["waves"]) < 1e-6
+    inspection = Inspection()
+    for turn in range(4):
+        smooth = 0.1 * np.sin(u / 9 + v / 11 + turn)
+        inspection.add(view(slanted()), found(slanted(), slanted() + smooth))
+    summary = inspection.summary()
+    assert max(summary["waves"][1:]) < 2 * max(summary["floor"]) < 0.02
+
+
+def test_a_few_wild_pixels_are_no_waves():
+    e = np.zeros(SIZE)
+    e[::7, ::5] = 3.0
+    inspection = Inspection()
+    inspection.add(view(slanted()), found(slanted(), slanted() + e))
+    assert max(inspection.summary()["waves"]) < 1e-6
+
+
+def test_the_truth_is_sharp_in_real_views(small_set):
+    data = SynthFringe(small_set, "training")
+    inspection = Inspection()
+    for k in range(6):
+        item = {name: value.numpy() for name, value in data[k].items()}
+        inspection.add(item, found(item["Phi"], np.angle(np.exp(1j * item["Phi"]))))
+    assert inspection.summary()["sharpness"] == pytest.approx(1, abs=1e-4)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_sharpness_is_the_share_of_a_crease_that_is_left(share):
     Phi = slanted()
-    bent = 0.7 * np.abs(np.mgrid[: SIZE[0], : SIZE[1]][1] - 30)
+    bent = 0.4 * np.abs(np.mgrid[: SIZE[0], : SIZE[1]][1] - 30)
     inspection = Inspection()
     guess = Phi + share * bent
     inspection.add(view(Phi + bent), found(guess, np.angle(np.exp(1j * guess))))

@@ -7,8 +7,9 @@ from torch.utils.data import DataLoader
 
 from fpputil.decoding.decoder import decode
 from fpputil.decoding.reference import minimum_phase, two_phase_absolute
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.layout import FREQUENCIES
-from fpputil.learning.synthfringe import Augmentation, SynthFringe
+from fpputil.learning.synthfringe import SynthFringe
 from fpputil.optics.fringes import Fringe, fringe_set
 
 TYPES = {"mask": torch.bool, "index": torch.int64, "model": torch.int64}

@@ -61,15 +61,18 @@ def _table(part) -> None:
 
 
 def _print_list(options) -> None:
+    import torch
+
     from fpputil.learning.experiments import SCENES, budget, experiments
     from fpputil.learning.networks.measuring import cost
-    from fpputil.learning.tables import read_runs
+    from fpputil.learning.results import read_results
     from fpputil.optics.system import preset
 
-    runs = read_runs(options.preset, options.results)
     camera = preset(options.preset).system.camera
+    runs = read_results(options.preset, options.results)
     speed = _multiply_adds_a_second(options)
     settings, left = budget(options.preset), 0.0
+    images = settings.epochs * (settings.views or SCENES)
     for name, one in experiments(options.preset).items():
         if name in runs:
             found = runs[name]["splits"]["test"]["measures"]["mae_rad"][0]
@@ -77,25 +80,25 @@ def _print_list(options) -> None:
             continue
         line = f"{name:24} to be made"
         if speed:
-            work = cost(one.method.network(), (camera.height, camera.width)).multiply_adds
-            views = settings.views or SCENES
-            seconds = settings.epochs * views * work / speed
-            left += seconds
-            line += f", about {seconds / 60:.0f} min"
+            with torch.device("meta"):
+                network = one.method.network()
+            work = cost(network, (camera.height, camera.width)).multiply_adds
+            left += images * work / speed
+            line += f", about {images * work / speed / 60:.0f} min"
         print(line)
     if left:
-        print(f"{left / 3600:.1f} hours in all at the speed of the finished runs on this preset "
-              "or, without any, on tiny: training alone")  # fmt: skip
+        print(f"{left / 3600:.1f} hours of training in all, at the speed of the runs that are "
+              "finished on this preset or, if none is, on tiny")  # fmt: skip
 
 
 def _multiply_adds_a_second(options) -> float | None:
     """Of forward passes in training, from the runs that are finished."""
     from statistics import median
 
-    from fpputil.learning.tables import read_runs
+    from fpputil.learning.results import read_results
 
     for name in (options.preset, "tiny"):
-        if runs := read_runs(name, options.results).values():
+        if runs := read_results(name, options.results).values():
             return median(r["images"] * r["multiply_adds"] / r["seconds"] for r in runs)
     return None
 
@@ -128,31 +131,45 @@ def _make(options) -> int:
     from fpputil.learning.results import run
 
     _threads(options)
-    names = list(experiments(options.preset)) if "all" in options.names else options.names
+    known = list(experiments(options.preset))
+    if wrong := [name for name in options.names if name not in (*known, "all")]:
+        raise ValueError(f"run {wrong[0]!r} given; the runs are all, {', '.join(known)}")
+    names = known if "all" in options.names else options.names
     how = {"workers": options.workers, "device": options.device, "progress": True}
-    elsewhere = []
-    for name in names:
+    elsewhere, failed = [], []
+
+    def make(name, wait):
         try:
-            found = run(name, options.preset, _data(options), options.work, options.results, **how)
+            where = (_data(options), options.work, options.results, wait)
+            found = run(name, options.preset, *where, **how)
         except BlockingIOError as error:
             elsewhere.append(name)
             print(error)
-            continue
-        value, low, high = found["splits"]["test"]["measures"]["mae_rad"]
-        print(f"{name:24} MAE {value:.4f} [{low:.4f}, {high:.4f}] rad")
-    return 1 if elsewhere else 0
+        except FloatingPointError as error:
+            failed.append(name)
+            print(f"{name}: {error}")
+        else:
+            value, low, high = found["splits"]["test"]["measures"]["mae_rad"]
+            print(f"{name:24} MAE {value:.4f} [{low:.4f}, {high:.4f}] rad")
+
+    for name in names:
+        make(name, wait=False)
+    for name in list(elsewhere):  # by now others have made them, or have been stopped
+        make(name, wait=True)
+    return 1 if failed else 0
 
 
 def _print_table(options) -> None:
-    from fpputil.learning.tables import agreement, as_text, read_runs, table
+    from fpputil.learning.results import read_results
+    from fpputil.learning.tables import agreement, as_text, table
 
     number = int(options.number) if options.number.isdecimal() else options.number
-    runs = read_runs(options.preset, options.results)
+    runs = read_results(options.preset, options.results)
     rows = table(number, runs)
     if not rows:
         raise ValueError(
-            f"no run of table {number} is finished at the preset {options.preset}; make them: "
-            "fpp results run all"
+            f"no run of table {number} is finished in {options.results / options.preset}; make "
+            f"them: fpp results run all --preset {options.preset}"
         )
     control = runs["sfnet"]["splits"]["test"]["alone"] if "sfnet" in runs else None
     print(as_text(rows, control))

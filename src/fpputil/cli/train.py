@@ -123,7 +123,7 @@ def _changed(method, options):
     weights = _given(options, ("phase", "consistency", "geometric", "mean"))
     weights |= {} if options.modulo is None else {"order": not options.modulo}
     known = {f.name for f in fields(method)}
-    for name in (*given, *(["weights"] if weights else [])):
+    for name in (*given, *(["weights of losses"] if weights and "weights" not in known else [])):
         if name not in known:
             raise ValueError(
                 f"{name} given for {options.method}; its settings are {', '.join(sorted(known))}"

@@ -12,12 +12,13 @@ from torch.utils.data import DataLoader, Subset
 from tqdm.std import tqdm
 
 from fpputil.decoding.depth import column, save_ply, triangulate
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.batches import closing, processes
 from fpputil.learning.devices import device_of, forward, precision_of
 from fpputil.learning.methods.frames import true_second
 from fpputil.learning.metrics import Score, errors
 from fpputil.learning.rig import Rig
-from fpputil.learning.synthfringe import Augmentation, SynthFringe
+from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained
 
 BATCH = 8
@@ -152,7 +153,12 @@ def predictions(
 
 
 def evaluate(
-    trained: Trained, data: SynthFringe, each: Callable | None = None, **how
+    trained: Trained,
+    data: SynthFringe,
+    each: Callable | None = None,
+    truth: SynthFringe | None = None,
+    views: Sequence[int] | None = None,
+    **how,
 ) -> tuple[Score, Score]:
     """Errors over a split: of the network, and of its phi_h without its phi_r.
 
@@ -163,6 +169,11 @@ def evaluate(
         From `open_split`.
     each : callable, optional
         Given every item and what was `Measured` of it.
+    truth : SynthFringe, optional
+        The same split, whose masks and phases count in place of those of `data`: where only the
+        photographs are to differ.
+    views : sequence of int, optional
+        Positions in the split; by default all.
     **how
         Options of `predictions`.
 
@@ -173,11 +184,16 @@ def evaluate(
     """
     both, alone = Score(), Score()
     system, pitch = data.store.system, data.pitches["high"]
-    for item, found in predictions(trained, data, **how):
-        truth = item | {"phi_r": true_second(trained.method, item)}
+    views = range(len(data)) if views is None else views
+    for at, (item, found) in zip(
+        views, predictions(trained, data, views=views, **how), strict=True
+    ):
+        if truth is not None:
+            item = {k: v.numpy() for k, v in truth[at].items()}
+        true = item | {"phi_r": true_second(trained.method, item)}
         model = int(item["model"])
-        both.add(model, errors(found.Phi, found.phi_h, found.phi_r, truth, system, pitch))
-        alone.add(model, errors(found.alone, found.phi_h, None, truth, system, pitch))
+        both.add(model, errors(found.Phi, found.phi_h, found.phi_r, true, system, pitch))
+        alone.add(model, errors(found.alone, found.phi_h, None, true, system, pitch))
         if each is not None:
             each(item, found)
     return both, alone

@@ -14,7 +14,8 @@ DISTANCES = (0, 1, 2, 3, 5, 8, 12, math.inf)
 """Limits of the classes of distance to the nearest edge, pixels."""
 
 HARMONICS = 6
-INNER = 2.0  # pixels from an edge beyond which waves are looked for
+INNER, SMALL = 2.0, 0.5  # pixels from an edge, radians: waves are looked for beyond and below
+STEP = 1.0  # radians that a crease bends at most within three pixels
 CANNY = 30, 90  # thresholds of the gradient, grey levels
 
 
@@ -42,20 +43,34 @@ def edge_distance(modulation: np.ndarray) -> np.ndarray:
     return cv2.distanceTransform((~edges).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
-def waves(e: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Amplitudes of the error that repeats with the fringes (P,) -> (HARMONICS,) complex.
+def waves(e: np.ndarray, Phi: np.ndarray) -> np.ndarray:
+    """Amplitudes of the error that repeats with the fringes, and of what happens to look like it.
+
+    Offset, harmonics 1 to `HARMONICS` of the fringe and as many frequencies half way between
+    are fitted together by least squares. A smooth error leaves as much at the latter as at the
+    former, a wave does not.
 
     Parameters
     ----------
-    e, phi : (P,) arrays
-        Error and true phase at the same pixels, radians.
+    e, Phi : (P,) arrays
+        Error of the fine phase and true absolute phase at the same pixels, radians.
+
+    Returns
+    -------
+    (2, HARMONICS) array
+        Radians: at k and at k + 1/2 periods a fringe.
     """
     k = np.arange(1, HARMONICS + 1)[:, None]
-    return (e * np.exp(-1j * k * phi)).mean(axis=1)
+    angles = np.concatenate([k, k + 0.5]) * Phi
+    terms = np.concatenate([np.ones_like(Phi)[None], np.cos(angles), np.sin(angles)])
+    _, *fit = np.linalg.lstsq(terms.T, e, rcond=None)[0]
+    return np.hypot(*np.reshape(fit, (2, -1))).reshape(2, HARMONICS)
 
 
 def creases(phi: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
     """Sums over all triples of neighbours of phi'' Phi'' and Phi''^2, along rows and columns.
+
+    Triples that bend by more than `STEP` belong to a step in depth, not to a crease.
 
     Parameters
     ----------
@@ -65,10 +80,10 @@ def creases(phi: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[float,
     """
     product = square = 0.0
     for a, b, m in ((phi, true, mask), (phi.T, true.T, mask.T)):
-        found, bent = (np.diff(wrap(np.diff(x.astype(float), axis=1)), axis=1) for x in (a, b))
-        slope = np.abs(np.diff(b, axis=1))
-        whole = m[:, :-2] & m[:, 1:-1] & m[:, 2:] & (np.maximum(slope[:, :-1], slope[:, 1:]) < 3)
-        product += (wrap(found) * bent)[whole].sum()
+        found, bent = (wrap(np.diff(x.astype(float), 2, axis=1)) for x in (a, b))
+        steep = np.abs(np.diff(b.astype(float), 2, axis=1)) > STEP
+        whole = m[:, :-2] & m[:, 1:-1] & m[:, 2:] & ~steep
+        product += (found * bent)[whole].sum()
         square += (bent[whole] ** 2).sum()
     return product, square
 
@@ -81,16 +96,16 @@ class Inspection:
     ----------
     classes : (3, classes) array
         Number of pixels, sum of ``|e|`` and wrong orders in each class of distance to an edge.
-    power : (HARMONICS,) array
-        Sum over views of their pixels times ``|amplitude|^2`` of the waves.
+    power : (2, HARMONICS) array
+        Sum over views of their pixels times the squares of `waves`.
     inner : (2,) array
-        Number of pixels away from edges, and their sum of squared errors of phi_h.
+        Number of these pixels, away from edges, and their sum of squared errors of phi_h.
     bent : (2,) array
         Sums of `creases`.
     """
 
     classes: np.ndarray = field(default_factory=lambda: np.zeros((3, len(DISTANCES) - 1)))
-    power: np.ndarray = field(default_factory=lambda: np.zeros(HARMONICS))
+    power: np.ndarray = field(default_factory=lambda: np.zeros((2, HARMONICS)))
     inner: np.ndarray = field(default_factory=lambda: np.zeros(2))
     bent: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
@@ -101,11 +116,12 @@ class Inspection:
         at = np.digitize(distance[mask], DISTANCES[1:-1])
         for row, values in enumerate((np.ones_like(e), e, ~(e <= math.pi))):
             self.classes[row] += np.bincount(at, values, minlength=len(DISTANCES) - 1)
-        inner = mask & (distance > INNER)
-        if number := inner.sum():
-            high = wrap(found.phi_h - item["Phi"])[inner].astype(float)
-            self.power += number * np.abs(waves(high, item["Phi"][inner])) ** 2
-            self.inner += number, (high**2).sum()
+        high = wrap(found.phi_h - item["Phi"])
+        inner = mask & (distance > INNER) & (np.abs(high) < SMALL)
+        if (number := inner.sum()) > 8 * HARMONICS:
+            e, Phi = (a[inner].astype(float) for a in (high, item["Phi"]))
+            self.power += number * waves(e, Phi) ** 2
+            self.inner += number, (e**2).sum()
         self.bent += creases(found.phi_h, item["Phi"], mask)
 
     def summary(self) -> dict[str, list[float] | float]:
@@ -116,18 +132,30 @@ class Inspection:
         dict
             edge_mae, edge_orders (radians, 0 to 1) by class of `DISTANCES`, edge_pixels their
             share; waves, the amplitude of each harmonic of the fringes in the error of phi_h,
-            radians, and wave_share, their part of its variance; sharpness, by how much creases
-            are as sharp as in truth: 1, or less where they are rounded. NaN where there was
-            nothing to measure.
+            radians, and floor, that of frequencies half way between, beside the
+            rms of that error; sharpness, by how much
+            creases are as sharp as in truth: 1, or less where they are rounded. NaN where there
+            was nothing to measure.
         """
         number, total, wrong = self.classes
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = self.power / self.inner[0]
+            at, between = np.sqrt(self.power / self.inner[0])
             return {
                 "edge_mae": (total / number).tolist(),
                 "edge_orders": (wrong / number).tolist(),
                 "edge_pixels": (number / number.sum()).tolist(),
-                "waves": (2 * np.sqrt(mean)).tolist(),
-                "wave_share": float(2 * self.power.sum() / self.inner[1]),
+                "waves": at.tolist(),
+                "floor": between.tolist(),
+                "rms": float(np.sqrt(self.inner[1] / self.inner[0])),
                 "sharpness": float(self.bent[0] / self.bent[1]),
             }
+
+    def sums(self) -> dict[str, list]:
+        """What was gathered, as JSON holds it."""
+        return {k: getattr(self, k).tolist() for k in ("classes", "power", "inner", "bent")}
+
+    @classmethod
+    def of(cls, sums: list[dict[str, list]]) -> Inspection:
+        """Several `sums` together."""
+        names = ("classes", "power", "inner", "bent")
+        return cls(*(np.sum([one[k] for one in sums], axis=0) for k in names))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from filelock import FileLock
+
 from fpputil.checks import write_whole
 from fpputil.learning.devices import device_of, hardware
-from fpputil.learning.experiments import RATES, SEARCH, methods
-from fpputil.learning.methods import METHODS, settings_of
+from fpputil.learning.experiments import RATES, SEARCH, SEARCHED, methods
+from fpputil.learning.methods import settings_of
 from fpputil.learning.run import plain
 from fpputil.learning.store import open_store
 from fpputil.learning.training import fit
@@ -17,52 +20,83 @@ from fpputil.learning.training import fit
 MEASURES = ("mae", "rmse", "order_errors")
 
 
-def search(data: str | Path, path: str | Path, **how) -> dict:
-    """Try the learning rates of every method, those that are missing in a JSON file.
+def search(data: str | Path, path: str | Path, **how) -> dict[str, float]:
+    """Try learning rates for each of `SEARCHED`, those that a JSON file lacks.
 
     Parameters
     ----------
     data : path
         A dataset of the preset "tiny".
     path : path
-        Of the file: data (checksum), settings, methods, hardware, and runs: of each method and
-        rate mae, rmse (radians) and order_errors (0 to 1) on validation views, and seconds.
+        Of the file: data (checksum), settings, methods, hardware, and runs: of each kind and
+        rate mae, rmse (radians) and order_errors (0 to 1) on validation views, and seconds; mae
+        is None where the loss was not finite.
     **how
         Options of `fit`: workers, device, progress.
 
     Returns
     -------
     dict of str to float
-        The rate with the least validation MAE of each method.
+        The rate with the least validation MAE of each kind.
+
+    Raises
+    ------
+    ValueError
+        If the dataset is of another preset, or the file is of another search.
     """
-    path, store = Path(path), open_store(data)
+    path, store, known = Path(path), open_store(data), methods("tiny")
+    if (made := store.manifest["settings"]["preset"]) != "tiny":
+        raise ValueError(f"{data} was made with the preset {made}; rates are searched at tiny")
     about = {
         "data": store.manifest["content"],
         "settings": plain(asdict(SEARCH)),
-        "methods": {kind: settings_of(methods("tiny")[kind]) for kind in METHODS},
+        "methods": {kind: settings_of(known[kind]) for kind in SEARCHED},
     }
-    found = {**about, "runs": {}}
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.is_file():
-        found = json.loads(path.read_text())
-        if other := [k for k in about if found.get(k) != about[k]]:
-            raise ValueError(f"{path} is a search with other {other[0]}; remove it to search anew")
-    for kind in METHODS:
-        tried = found["runs"].setdefault(kind, {})
-        for rate in RATES:
-            if f"{rate:g}" in tried:
-                continue
-            _, history = fit(methods("tiny")[kind], data, replace(SEARCH, rate=rate), **how)
-            last = history[-1]
-            errors = {k: last[f"validation_{k}"] for k in MEASURES}
-            tried[f"{rate:g}"] = {**errors, "seconds": last["seconds"]}
-            found["hardware"] = hardware(device_of(how.get("device") or "cpu"))
-            write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
+    with FileLock(path.with_suffix(".lock")):  # a second search waits, and finds all done
+        found = {**about, "runs": {}}
+        if path.is_file():
+            found = json.loads(path.read_text())
+            if other := [k for k in about if found.get(k) != about[k]]:
+                raise ValueError(
+                    f"{path} is a search with other {other[0]}; remove it to search anew"
+                )
+        for kind in SEARCHED:
+            tried = found["runs"].setdefault(kind, {})
+            while (rate := _next_rate(tried)) is not None:
+                tried[f"{rate:g}"] = _try(known[kind], data, rate, how)
+                found["hardware"] = hardware(device_of(how.get("device") or "cpu"))
+                write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
     return best_rates(path)
 
 
+def _try(method, data, rate: float, how: dict) -> dict:
+    try:
+        _, history = fit(method, data, replace(SEARCH, rate=rate), **how)
+    except FloatingPointError:
+        return {"mae": None}
+    last = history[-1]
+    return {**{k: last[f"validation_{k}"] for k in MEASURES}, "seconds": last["seconds"]}
+
+
+def _next_rate(tried: dict[str, dict]) -> float | None:
+    """The next rate to try, or None if the best is known and none of the ends."""
+    for rate in RATES:
+        if f"{rate:g}" not in tried:
+            return rate
+    rates, best = sorted(map(float, tried)), _best(tried)
+    if best == rates[0]:
+        return best / 2
+    return best * 2 if best == rates[-1] else None
+
+
+def _best(tried: dict[str, dict]) -> float:
+    known = {float(rate): found["mae"] for rate, found in tried.items()}
+    return min(known, key=lambda rate: math.inf if known[rate] is None else known[rate])
+
+
 def best_rates(path: str | Path) -> dict[str, float]:
-    """The rate with the least validation MAE of each method, as `search` found them.
+    """The rate with the least validation MAE of each kind, as `search` found them.
 
     Raises
     ------
@@ -72,8 +106,19 @@ def best_rates(path: str | Path) -> dict[str, float]:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not there; search first: fpp results rates")
-    runs = json.loads(path.read_text())["runs"]
-    wanted = {f"{rate:g}" for rate in RATES}
-    if lacking := [kind for kind in METHODS if runs.get(kind, {}).keys() < wanted]:
-        raise ValueError(f"{path} lacks rates of {lacking[0]}; go on searching: fpp results rates")
-    return {k: float(min(tried, key=lambda r: tried[r]["mae"])) for k, tried in runs.items()}
+    runs = read_json(path, "runs")["runs"]
+    for kind in SEARCHED:
+        if _next_rate(runs.get(kind, {})) is not None:
+            raise ValueError(f"{path} lacks rates of {kind}; go on searching: fpp results rates")
+    return {kind: _best(runs[kind]) for kind in SEARCHED}
+
+
+def read_json(path: Path, *needed: str) -> dict:
+    """A JSON file of results; ValueError with its path if it is cut or lacks what is needed."""
+    try:
+        found = json.loads(path.read_text())
+        if lacking := [name for name in needed if name not in found]:
+            raise ValueError(f"no {lacking[0]} in it")
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path} is no file of results ({error}); remove it") from error
+    return found

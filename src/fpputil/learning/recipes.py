@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.losses import Weights
 from fpputil.learning.methods import METHODS, Method
 from fpputil.learning.settings import Settings
-from fpputil.learning.synthfringe import Augmentation
 
 CAMERA = Augmentation(gain=(0.8, 1.2), noise=(0.0, 1.0))
 WIDTHS = {"sfnet": 2, "sido": 2.5, "psnet": 2, "dlalnet": 3}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,37 +15,18 @@ import torch
 from filelock import FileLock, Timeout
 
 from fpputil.checks import write_whole
-from fpputil.learning.batches import spread
-from fpputil.learning.evaluation import evaluate, open_split
-from fpputil.learning.experiments import budget, experiments
-from fpputil.learning.inspection import Inspection
+from fpputil.learning.assessment import SPLITS, assess
+from fpputil.learning.experiments import Experiment, budget, experiments
 from fpputil.learning.methods import method_of, settings_of
 from fpputil.learning.networks.measuring import cost
-from fpputil.learning.rates import best_rates
+from fpputil.learning.rates import best_rates, read_json
 from fpputil.learning.run import CHECKPOINT, plain
 from fpputil.learning.store import open_store
-from fpputil.learning.synthfringe import Augmentation, SynthFringe
 from fpputil.learning.trainer import WEIGHTS
 from fpputil.learning.training import fit
 from fpputil.learning.weights import Trained, load_weights
 
 RESULTS = Path("data/results")
-VIEWS, TRUTH = "views.npz", ("mask", "Phi", "modulation", "depth")
-PICTURES = 6  # test views whose errors are kept pixel by pixel
-CONDITIONS = {
-    "noise 4": {"noise": 4.0},
-    "noise 8": {"noise": 8.0},
-    "gamma 0.8": {"gamma": 0.8},
-    "gamma 1.25": {"gamma": 1.25},
-    "half as bright": {"gain": 0.5},
-    "a quarter as bright": {"gain": 0.25},
-    "texture 0.5": {"texture": 0.5},
-}
-"""Cameras and surfaces that no network was trained for."""
-
-CONDITION_VIEWS = 100
-SUMS = {"rad": 3, "mm": 3, "order": 2, "spike": 2, "own_spike": 2}
-"""Of each kind of error how many of number, sum of |e| and sum of squares are kept a model."""
 
 
 def run(
@@ -54,9 +35,13 @@ def run(
     data: str | Path,
     work: str | Path,
     results: str | Path = RESULTS,
+    wait: bool = False,
     **how,
 ) -> dict:
     """Make a run, or go on with it, unless it is finished; returns what it found.
+
+    It leaves NAME.json, NAME.npz (errors of some views) and NAME.png (its curve) in the folder of
+    the preset.
 
     Parameters
     ----------
@@ -66,29 +51,53 @@ def run(
     data : path
         A dataset of the preset.
     work : path
-        Folder for the folders of runs under way.
+        Folder for the folders of runs under way, each named after all that decides on it.
     results : path
         Folder with tiny/rates.json, for the results of each preset in a folder of its own.
+    wait : bool
+        Wait while another process makes this run.
     **how
         Options of `fit`: workers, device, progress.
 
     Raises
     ------
     ValueError
-        If there is no such run, or the dataset is of another preset.
+        If there is no such run, or the dataset is of another preset or lacks a split.
     BlockingIOError
-        If another process is making it.
+        If another process is making it, and `wait` is not given.
     """
-    known = experiments(preset)
+    known, results = experiments(preset), Path(results)
     if name not in known:
         raise ValueError(f"run {name!r} given; the runs are {', '.join(known)}")
-    store, work, results = open_store(data), Path(work) / preset / name, Path(results)
+    settings, about = _wanted(name, preset, known[name], data, results)
+    path = results / preset / f"{name}.json"
+    mark = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:8]
+    folder = Path(work) / preset / f"{name}-{mark}"
+    folder.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with _claim(folder, name, wait):
+        if (found := finished(path, about)) is not None:
+            return found
+        resume = (folder / CHECKPOINT).is_file()
+        _, history = fit(known[name].method, data, settings, folder, resume=resume, **how)
+        trained = load_weights(folder / WEIGHTS)
+        found = {**about, **_facts(trained, history)}
+        found |= assess(trained, data, path.with_suffix(".npz"), **_loading(how))
+        write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
+        write_whole(path, f"{json.dumps(_short(found), separators=(',', ':'))}\n".encode())
+    return read_result(path)
+
+
+def _wanted(name: str, preset: str, one: Experiment, data, results: Path):
+    """Settings of a run, and all that makes it what it is."""
+    store = open_store(data)
     if (made := store.manifest["settings"]["preset"]) != preset:
         raise ValueError(f"{data} was made with the preset {made}, and {preset} is asked for")
-    one = known[name]
+    for split in ("training", "validation", *SPLITS):
+        store.indices(split)  # which raises if it lacks one
     rate = best_rates(results / "tiny" / "rates.json")[one.kind]
     settings = replace(budget(preset), rate=rate, seed=one.seed)
-    about = {
+    return settings, {
         "name": name,
         "preset": preset,
         "seed": one.seed,
@@ -96,35 +105,59 @@ def run(
         "method": settings_of(one.method),
         "settings": plain(asdict(settings)),
     }
-    path = results / preset / f"{name}.json"
-    if (found := finished(path, about)) is not None:
-        return found
-    work.mkdir(parents=True, exist_ok=True)
-    with _claim(work, name):
-        resume = (work / CHECKPOINT).is_file()
-        _, history = fit(one.method, data, settings, work, resume=resume, **how)
-        trained = load_weights(work / WEIGHTS)
-        found = {**about, **_facts(trained, history)}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        found |= measured(trained, data, path.with_suffix(".npz"), **_loading(how))
-        write_whole(path, f"{json.dumps(_short(found), separators=(',', ':'))}\n".encode())
-    return json.loads(path.read_text())
 
 
 def finished(path: Path, about: dict) -> dict | None:
     """What a run found, if it is the run `about` describes."""
     if not path.is_file():
         return None
-    found = json.loads(path.read_text())
-    same = {**found, "method": settings_of(method_of(found["method"]))}
-    return found if all(same.get(k) == v for k, v in plain(about).items()) else None
+    found = read_result(path)
+    return found if all(found[k] == v for k, v in plain(about).items()) else None
+
+
+def read_result(path: Path) -> dict:
+    """What a run found; ValueError with the path if the file is cut or foreign."""
+    needed = ("name", "preset", "seed", "data", "method", "settings", "splits", "conditions")
+    found = read_json(path, *needed)
+    try:
+        found["method"] = settings_of(method_of(found["method"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is of no method of this version ({error})") from error
+    return found
+
+
+def read_results(preset: str, path: str | Path = RESULTS) -> dict[str, dict]:
+    """What all finished runs of a preset found, by name.
+
+    Raises
+    ------
+    ValueError
+        If one was made with another method or budget than `experiments` has, or if they were
+        made on different datasets.
+    """
+    known, shared = experiments(preset), plain(asdict(budget(preset)))
+    folder, runs = Path(path) / preset, {}
+    for name, one in known.items():
+        if not (file := folder / f"{name}.json").is_file():
+            continue
+        runs[name] = read_result(file)
+        own = plain({**shared, "seed": one.seed, "rate": runs[name]["settings"].get("rate")})
+        for what, needed in (("method", settings_of(one.method)), ("settings", own)):
+            if runs[name][what] != plain(needed):
+                raise ValueError(
+                    f"{file} was made with other {what} than this version's; make it again: "
+                    f"fpp results run {name} --preset {preset}"
+                )
+    if len(found := {r["data"] for r in runs.values()}) > 1:
+        raise ValueError(f"{folder} holds runs on {len(found)} datasets; a table is about one")
+    return runs
 
 
 @contextmanager
-def _claim(work: Path, name: str) -> Iterator[None]:
+def _claim(folder: Path, name: str, wait: bool) -> Iterator[None]:
     """Hold a run against other processes; the lock dies with its process."""
     try:
-        with FileLock(work / ".lock", timeout=0):
+        with FileLock(folder / ".lock", timeout=-1 if wait else 0):
             yield
     except Timeout:
         raise BlockingIOError(f"another process is making the run {name}") from None
@@ -148,70 +181,6 @@ def _loading(how: dict) -> dict:
     device = how.get("device") or ("cuda" if torch.cuda.is_available() else "cpu")
     shared = {"workers": how.get("workers", 0), "progress": how.get("progress", False)}
     return {**shared, "device": device, "precision": "float32"}  # on every device alike
-
-
-def measured(trained: Trained, data: str | Path, pictures: Path, **loading) -> dict:
-    """Everything that is measured on a network: test views once, others, other cameras.
-
-    Parameters
-    ----------
-    trained : Trained
-    data : path
-        The dataset.
-    pictures : Path
-        File for the errors (P,) of some test views, by number, at the pixels of their masks. Their
-        masks, phases, modulation and depths go to `VIEWS` beside it.
-    **loading
-        Options of `predictions`.
-
-    Returns
-    -------
-    dict
-        splits: of "test" and "held-out" the measures of `Score.summary` with the second phase
-        and "alone", without it; models and sums: of each model of the test split number, sum and
-        sum of squares of its errors (`SUMS`); inspection: of `Inspection`; conditions: the
-        measures, on some test views, under each of `CONDITIONS`.
-    """
-    found = {"splits": {}, "conditions": {}}
-    for split in ("test", "held-out"):
-        seen = _Seen(opened := open_split(trained, data, split))
-        both, alone = evaluate(trained, opened, seen, **loading)
-        measures = {"measures": both.summary(), "alone": alone.summary()}
-        found["splits"][split] = {"views": len(opened), **measures}
-        if split == "test":
-            found |= {"models": list(both.models), "inspection": seen.inspection.summary()}
-            found["sums"] = {
-                kind: [own[kind][1 : 1 + number].tolist() for own in both.models.values()]
-                for kind, number in SUMS.items()
-            }
-            _write_arrays(pictures, seen.kept)
-            _write_arrays(pictures.with_name(VIEWS), seen.truth)
-    for name, options in CONDITIONS.items():
-        camera = Augmentation(**{k: (v, v) for k, v in options.items() if k != "texture"})
-        other = open_split(trained, data, "test", camera, texture=options.get("texture", 0.0))
-        both, _ = evaluate(trained, other, views=spread(other, CONDITION_VIEWS), **loading)
-        found["conditions"][name] = both.summary()
-    return found
-
-
-class _Seen:
-    """What is kept of views beside their errors by model."""
-
-    def __init__(self, data: SynthFringe):
-        self.inspection, self.kept, self.truth = Inspection(), {}, {}
-        self.chosen = {int(data.indices[k]) for k in spread(data, PICTURES)}
-
-    def __call__(self, item: dict, found) -> None:
-        self.inspection.add(item, found)
-        if int(item["index"]) in self.chosen:
-            self.kept[f"{item['index']}"] = (found.Phi - item["Phi"])[item["mask"]]
-            self.truth |= {f"{item['index']}-{k}": item[k] for k in TRUTH}
-
-
-def _write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    file = io.BytesIO()
-    np.savez_compressed(file, **arrays)
-    write_whole(path, file.getvalue())
 
 
 def _short(value):

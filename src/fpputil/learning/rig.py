@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -44,7 +45,9 @@ class Rig:
             k: minimum_phase(system, pitches[k], ambiguous=k in ("high", "mid"))
             for k in FREQUENCIES
         }
-        plane = TWO_PI * system.columns_at(system.z_max) / pitches["high"]
+        columns, width = system.columns_at(system.z_max), system.projector.width
+        lit = (columns >= -0.5) & (columns <= width - 0.5)
+        plane = TWO_PI * np.where(lit, columns, np.nan) / pitches["high"]
         tensors = {k: torch.as_tensor(v, dtype=torch.float32) for k, v in lowest.items()}
         plane = torch.as_tensor(plane, dtype=torch.float32)
         return cls(system, dict(pitches), tensors, plane, tuple(extremes))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import torch
 
 from fpputil.checks import not_negative, positive, whole
+from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.devices import precision_of
-from fpputil.learning.synthfringe import Augmentation
 
 SCHEDULES = ("plateau", "one-cycle")
 

@@ -3,57 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.ndimage import gaussian_filter
 from torch.utils.data import Dataset
 
-from fpputil.checks import not_negative, positive, whole
+from fpputil.checks import not_negative, whole
 from fpputil.decoding import phase
 from fpputil.decoding.reference import minimum_phase, refined_reference, zmin_order
 from fpputil.decoding.unwrap import TWO_PI, mf_tpu
+from fpputil.learning.augmentation import Augmentation, rephotograph, textured
 from fpputil.learning.layout import FREQUENCIES, STEPS
 from fpputil.learning.store import Store, open_store
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.view import View
 
-BLOTCHES = 40  # of a texture in a row of pixels, about
-
 Frame = tuple[str, int, int]
 """A photograph by name: frequency, number of steps, which step. ("high", 4, 2) is shifted by pi."""
-
-
-@dataclass(frozen=True)
-class Augmentation:
-    """What a camera may do to a photograph, each drawn anew for every view and epoch.
-
-    Parameters
-    ----------
-    gain : (low, high)
-        Exposure; it acts on the photographs and on the modulation behind the mask.
-    noise : (low, high)
-        Standard deviation of the read noise, grey levels.
-    gamma : (low, high)
-        Camera response.
-    """
-
-    gain: tuple[float, float] = (1.0, 1.0)
-    noise: tuple[float, float] = (0.0, 0.0)
-    gamma: tuple[float, float] = (1.0, 1.0)
-
-    def __post_init__(self):
-        for name, check in (("gain", positive), ("noise", not_negative), ("gamma", positive)):
-            low, high = getattr(self, name)
-            if check(name, low) > check(name, high):
-                raise ValueError(f"{name} from {low} to {high} given; the lower bound comes first")
-
-    def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """Options of one camera for `View.frames`."""
-        camera = {k: float(rng.uniform(*getattr(self, k))) for k in ("gain", "noise", "gamma")}
-        return {**camera, "seed": int(rng.integers(2**53))}
 
 
 class SynthFringe(Dataset):
@@ -157,11 +124,7 @@ class SynthFringe(Dataset):
     def _view(self, index: int) -> View:
         """A view as it is stored, or with blotches on it."""
         view = self.store.view(index)
-        if not self.texture:
-            return view
-        noise = np.random.default_rng((self.seed, index)).standard_normal(view.mask.shape)
-        blotches = gaussian_filter(noise, view.mask.shape[1] / BLOTCHES) > 0
-        return replace(view, shade=view.shade * (1 - self.texture * blotches).astype(np.float32))
+        return textured(view, self.texture, (self.seed, index)) if self.texture else view
 
     def _photographs(self, view: View, stored, camera: dict) -> np.ndarray:
         """What the network sees, (F, H, W) float32."""
@@ -172,7 +135,7 @@ class SynthFringe(Dataset):
             if stored is None:
                 shots += list(view.frames(fringe, steps=(step,), **options))
             else:
-                shots.append(_rephotograph(stored[self.store.position(fringe, step)], **options))
+                shots.append(rephotograph(stored[self.store.position(fringe, step)], **options))
         low, high = self.extremes
         return (np.stack(shots).astype(np.float32) - low) / (high - low)
 
@@ -249,11 +212,3 @@ def _image(lit: np.ndarray, values: np.ndarray) -> np.ndarray:
     image = np.zeros((*values.shape[:-1], *lit.shape), dtype)
     image[..., lit] = values
     return image
-
-
-def _rephotograph(frame: np.ndarray, gain, noise, gamma, seed) -> np.ndarray:
-    """A stored photograph through another camera, uint8."""
-    light = 255 * (np.minimum(gain * frame.astype(np.float32) / 255, 1)) ** np.float32(gamma)
-    if noise:
-        light += noise * np.random.default_rng(seed).standard_normal(light.shape, np.float32)
-    return np.rint(np.clip(light, 0, 255)).astype(np.uint8)

@@ -1,21 +1,23 @@
 """Tables 3 to 6: the paper's values beside ours, out of the files of `results` (chapters 10, 11).
 
-Intervals come from drawing test models anew, and, where there are several, seeds. All runs are
-measured on the same models, so that a difference is drawn pair by pair.
+Two things make a mean uncertain: which models were measured, and which seed the network was
+trained from. Models are drawn anew (all runs are measured on the same, so that a difference is
+drawn pair by pair); how much a seed moves a measure is pooled over all rows with several seeds, in
+parts of the measure, and counts for rows with one seed, too.
 """
 
 from __future__ import annotations
 
-import json
+import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.stats import kendalltau
+from scipy.stats import t as student
 
 from fpputil.checks import seeded, whole
 from fpputil.learning.experiments import ROWS, SEEDS, seeded_name
-from fpputil.learning.results import RESULTS
+from fpputil.learning.paper import PAPER
 
 MEASURES = {
     "mae_rad": ("rad", False),
@@ -24,67 +26,24 @@ MEASURES = {
     "rmse_mm": ("mm", True),
     "order_errors": ("order", False),
     "spikes": ("spike", False),
+    "mae_high": ("high", False),
+    "mae_low": ("low", False),
 }
 """Kind of the sums of each measure, and whether it is a root of squares."""
 
-PAPER = {
-    3: {
-        "SFNet": (0.0527, 0.6543, 0.0790, 1.2359),
-        "SIDO": (0.3610, 1.2945, 1.6966, 5.5933),
-        "PSNet": (0.0754, 0.6759, 0.1600, 1.8549),
-        "DLALNet": (0.0908, 1.3113, 0.1438, 1.8469),
-    },
-    4: {
-        "A": (0.0744, 0.8241, 0.1589, 1.8864),
-        "B": (0.0546, 0.6722, 0.0865, 1.2899),
-        "C": (0.0527, 0.6543, 0.0790, 1.2359),
-    },
-    5: {
-        "1 + 1": (0.0527, 0.6543, 0.0790, 1.2359),
-        "2 + 2": (0.0482, 0.5581, 0.0571, 1.1621),
-        "3 + 3": (0.0441, 0.5446, 0.0477, 1.1042),
-    },
-    6: {
-        "1e-1, 1e-5": (0.0541, 0.6707, 0.0797, 1.2594),
-        "1e-1, 1e-6": (0.0524, 0.6546, 0.0799, 1.3225),
-        "1e-1, 1e-7": (0.0552, 0.6841, 0.0811, 1.3368),
-        "1e-2, 1e-5": (0.0562, 0.7082, 0.0832, 1.2875),
-        "1e-2, 1e-6": (0.0527, 0.6543, 0.0790, 1.2359),
-        "1e-2, 1e-7": (0.0508, 0.6557, 0.0801, 1.2567),
-        "1e-3, 1e-5": (0.0562, 0.6976, 0.0808, 1.2580),
-        "1e-3, 1e-6": (0.0547, 0.6723, 0.0829, 1.2834),
-        "1e-3, 1e-7": (0.0598, 0.7004, 0.0851, 1.2927),
-    },
-    "ours": {},
-}
-"""MAE and RMSE in rad, MAE and RMSE in mm, as printed in the paper."""
+Interval = tuple[float, float, float]
+"""A value and the ends of its 95 % interval."""
 
 
-def read_runs(preset: str, path: str | Path = RESULTS) -> dict[str, dict]:
-    """What all finished runs of a preset found, by name.
-
-    Raises
-    ------
-    ValueError
-        If they were made on different datasets.
-    """
-    files = sorted(f for f in (Path(path) / preset).glob("*.json") if f.stem != "rates")
-    runs = {f.stem: json.loads(f.read_text()) for f in files}
-    if len(found := {r["data"] for r in runs.values()}) > 1:
-        raise ValueError(
-            f"{Path(path) / preset} holds runs on {len(found)} datasets; a table is about one"
-        )
-    return runs
-
-
-def seeds_of(name: str, runs: dict[str, dict]) -> list[dict]:
-    """The finished runs of a row, one a seed."""
-    names = [seeded_name(name, seed) for seed in SEEDS.get(name, (0,))]
+def seeds_of(name: str, runs: dict[str, dict], several: bool = True) -> list[dict]:
+    """The finished runs of a row, one a seed, or that of seed 0 alone."""
+    seeds = SEEDS.get(name, (0,)) if several else (0,)
+    names = [seeded_name(name, seed) for seed in seeds]
     return [runs[n] for n in names if n in runs]
 
 
-def drawn(own: list[dict], measure: str, seed: int = 0, draws: int = 2000) -> np.ndarray:
-    """A measure of a row: its value, then that of each draw of models and seeds.
+def drawn(own: list[dict], measure: str, part=("splits", "test"), seed=0, draws=1000) -> np.ndarray:
+    """A measure of a row, the mean over its seeds, for all models and for each draw of models.
 
     Parameters
     ----------
@@ -92,31 +51,62 @@ def drawn(own: list[dict], measure: str, seed: int = 0, draws: int = 2000) -> np
         Runs of the row, one a seed.
     measure : str
         One of `MEASURES`.
+    part : (str, str)
+        ("splits", "test"), ("splits", "held-out") or ("conditions", name).
     seed : int
         Of the draws. With the same seed, rows are drawn alike and may be subtracted.
 
     Returns
     -------
     (draws + 1,) array
+
+    Raises
+    ------
+    ValueError
+        If the runs were measured on different models.
     """
     kind, root = MEASURES[measure]
-    sums = np.array([run["sums"][kind] for run in own], float)  # (seeds, models, sums)
-    if len({tuple(run["models"]) for run in own}) != 1:
+    parts = [run[part[0]][part[1]] for run in own]
+    if len({tuple(p["models"]) for p in parts}) != 1:
         raise ValueError("runs measured on different models given; they cannot be compared")
-    rng, (count, models, _) = seeded(seed), sums.shape
-    times = rng.multinomial(models, np.full(models, 1 / models), whole("draws", draws, 1))
-    shares = rng.multinomial(count, np.full(count, 1 / count), draws) / count
-    times, shares = (
-        np.vstack([np.full(a.shape[1], first), a]) for a, first in ((times, 1), (shares, 1 / count))
-    )
-    pooled = np.einsum("dm,smk->dsk", times, sums)
+    sums = np.array([p["sums"][kind] for p in parts], float)  # (seeds, models, 3)
+    number = sums.shape[1]
+    times = seeded(seed).multinomial(number, np.full(number, 1 / number), whole("draws", draws, 1))
+    pooled = np.einsum("dm,smk->dsk", np.vstack([np.ones(number), times]), sums)
     values = pooled[..., 2 if root else 1] / pooled[..., 0]
-    return (shares * (np.sqrt(values) if root else values)).sum(axis=1)
+    return (np.sqrt(values) if root else values).mean(axis=1)
 
 
-def interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Value, and the 2.5 and 97.5 percentiles of its draws, of an array from `drawn`."""
-    return float(values[0]), *(float(v) for v in np.percentile(values[1:], (2.5, 97.5)))
+def seed_spread(runs: dict[str, dict], measure: str) -> tuple[float, int]:
+    """How much a seed moves a measure: standard deviation in parts of it, degrees of freedom.
+
+    Pooled over the rows that have several seeds; (0, 0) if none has.
+    """
+    square, freedom = 0.0, 0
+    for name in SEEDS:
+        own = [run for run in seeds_of(name, runs) if _has(run, measure)]
+        values = [drawn([run], measure, draws=1)[0] for run in own]
+        if len(values) > 1 and np.mean(values) > 0:
+            square += np.sum((np.array(values) / np.mean(values) - 1) ** 2)
+            freedom += len(values) - 1
+    return (math.sqrt(square / freedom), freedom) if freedom else (0.0, 0)
+
+
+def interval(values: np.ndarray, moved: float, freedom: int) -> Interval:
+    """Value and 95 % interval, from its draws of models and from how far seeds move it.
+
+    Parameters
+    ----------
+    values : (draws + 1,) array
+        From `drawn`, or a difference of two.
+    moved : float
+        Standard deviation that seeds give it.
+    freedom : int
+        Degrees of freedom behind `moved`; 0 if nothing is known about seeds.
+    """
+    by_seeds = student.ppf(0.975, freedom) * moved if freedom else 0.0
+    half = math.hypot(1.96 * values[1:].std(), by_seeds)
+    return float(values[0]), float(values[0] - half), float(values[0] + half)
 
 
 @dataclass(frozen=True)
@@ -130,9 +120,9 @@ class Row:
     seeds : int
         How many runs it is the mean of.
     measures : dict
-        Of each of `MEASURES` (value, low, high).
+        Of each of `MEASURES` that it has, value and interval.
     difference : (value, low, high) or None
-        Of its MAE in radians and that of the row of SFNet, positive where SFNet is better.
+        MAE in radians above that of the row of SFNet.
     paper : tuple or None
         What the paper prints.
     """
@@ -140,20 +130,44 @@ class Row:
     label: str
     name: str
     seeds: int
-    measures: dict[str, tuple[float, float, float]]
-    difference: tuple[float, float, float] | None
+    measures: dict[str, Interval]
+    difference: Interval | None
     paper: tuple[float, ...] | None
 
 
+def measures_of(own: list[dict], runs: dict[str, dict], part=("splits", "test")) -> dict:
+    """Each of `MEASURES` that a row has, value and interval; `runs` tell what a seed moves."""
+    found = {}
+    for measure in MEASURES:
+        if _has(own[0], measure):
+            values = drawn(own, measure, part)
+            spread, freedom = seed_spread(runs, measure)
+            moved = spread * values[0] / math.sqrt(len(own))
+            found[measure] = interval(values, moved, freedom)
+    return found
+
+
+def _has(run: dict, measure: str) -> bool:
+    return MEASURES[measure][0] in run["splits"]["test"]["sums"]
+
+
+def difference(a: list[dict], b: list[dict], runs, measure="mae_rad", part=("splits", "test")):
+    """A measure of one row above that of another, value and interval."""
+    pair = [drawn(own, measure, part) for own in (a, b)]
+    spread, freedom = seed_spread(runs, measure)
+    moved = math.hypot(*(v[0] / math.sqrt(len(own)) for v, own in zip(pair, (a, b), strict=True)))
+    return interval(pair[0] - pair[1], spread * moved, freedom)
+
+
 def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
-    """Rows of a table whose runs are finished.
+    """Rows of a table whose runs are finished; Tables 3 and 4 over all seeds, the others seed 0.
 
     Parameters
     ----------
     number : int or str
         3 to 6, or "ours".
     runs : dict
-        From `read_runs`.
+        From `read_results`.
 
     Raises
     ------
@@ -162,18 +176,14 @@ def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
     """
     if number not in ROWS:
         raise ValueError(f"table {number!r} given; the tables are {', '.join(map(str, ROWS))}")
-    reference, rows = seeds_of("sfnet", runs), []
+    several, rows = number in (3, 4), []
+    reference = seeds_of("sfnet", runs, several)
     for label, name in ROWS[number].items():
-        if not (own := seeds_of(name, runs)):
+        if not (own := seeds_of(name, runs, several)):
             continue
-        difference = None
-        if name != "sfnet" and reference:
-            same = min(len(own), len(reference))
-            pair = (drawn(r[:same], "mae_rad") for r in (own, reference))
-            difference = interval(next(pair) - next(pair))
-        measures = {m: interval(drawn(own, m)) for m in MEASURES}
-        paper = PAPER[number].get(label)
-        rows.append(Row(label, name, len(own), measures, difference, paper))
+        above = difference(own, reference, runs) if reference and name != "sfnet" else None
+        found = measures_of(own, runs)
+        rows.append(Row(label, name, len(own), found, above, PAPER[number].get(label)))
     return rows
 
 
@@ -183,12 +193,13 @@ COLUMNS = {
     "mae_mm": ("MAE, mm", 1),
     "rmse_mm": ("RMSE, mm", 1),
     "order_errors": ("wrong orders, %", 100),
+    "spikes": ("spikes, %", 100),
 }
 """Title of each measure that is printed, and what it is multiplied with."""
 
 
-def as_text(rows: list[Row], control: dict | None = None) -> str:
-    """A table in columns: the paper's value above ours with its interval, row by row.
+def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
+    """A table in columns: ours with half its interval, the paper's value below, row by row.
 
     Parameters
     ----------
@@ -196,20 +207,28 @@ def as_text(rows: list[Row], control: dict | None = None) -> str:
     control : dict, optional
         Measures of phi_h of SFNet alone, as ``run["splits"]["test"]["alone"]`` has them.
     """
-    lines = [f"{'':32}" + "".join(f"{title:25}" for title, _ in COLUMNS.values())]
+    titles = [f"{title:20}" for title, _ in COLUMNS.values()]
+    lines = [f"{'':30} seeds {' '.join(titles)} above SFNet, rad"]
     for row in rows:
-        lines.append(f"{row.label:32}" + "".join(_cells(row.measures)))
+        above = _plus_minus(row.difference, 1) if row.difference else ""
+        lines.append(f"{row.label:30} {row.seeds:5} {_cells(row.measures)} {above}")
         if row.paper:
-            lines.append(f"{'  in the paper':32}" + "".join(f"{x:<25.4f}" for x in row.paper))
+            lines.append(f"{'  in the paper':36} " + " ".join(f"{x:<20.4f}" for x in row.paper))
     if control:
-        lines.append(f"{'phi_h of SFNet alone':32}" + "".join(_cells(control)))
+        lines.append(f"{'phi_h of SFNet alone':36} {_cells(control)}")
     return "\n".join(line.rstrip() for line in lines)
 
 
-def _cells(measures: dict):
-    for key, (_, scale) in COLUMNS.items():
-        value, low, high = (scale * x for x in measures[key])
-        yield f"{value:.4f} [{low:.3f}, {high:.3f}]".ljust(25)
+def _cells(measures: dict[str, Interval]) -> str:
+    cells = [_plus_minus(measures[key], scale) for key, (_, scale) in COLUMNS.items()]
+    return " ".join(f"{cell:20}" for cell in cells)
+
+
+def _plus_minus(found: Interval, scale: float) -> str:
+    if None in found:
+        return "-"
+    value, low, high = (scale * x for x in found)
+    return f"{value:.4f} +- {(high - low) / 2:.4f}"
 
 
 def agreement(rows: list[Row]) -> tuple[float, float]:

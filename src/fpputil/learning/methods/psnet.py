@@ -62,8 +62,10 @@ class PSNetMethod:
         pixels = Pixels.of(batch["mask"])
         true = [noiseless(batch, name, STEPS, rig) for name in ("high", "unit")]
         true, found = (pixels.of_images(a) for a in (torch.stack(true, 1), outputs))
+        e = found[..., 1:] - true[..., 1:]  # step 0 is as it was photographed, with its noise
+        around = torch.cat([e[..., :1], e.diff(dim=-1), e[..., -1:]], -1)
         parts = {
-            "frames": squared(pixels, found[..., 1:], true[..., 1:]),
-            "steps": squared(pixels, found - found.roll(1, -1), true - true.roll(1, -1)),
+            "frames": squared(pixels, e, torch.zeros_like(e)),
+            "steps": squared(pixels, around, torch.zeros_like(around)),
         }
         return {**parts, "total": sum(parts.values())}
