@@ -293,7 +293,7 @@ def rewritten(weights, path, **changes):
     [
         ({"camera": [240, 320]}, "the network was trained for [240, 320]"),
         ({"pitches": {"high": 18}}, "the network was trained for {'high': 18}"),
-        ({"method": {"method": "psnet"}}, "method 'psnet' is not known"),
+        ({"method": {"method": "unet"}}, "method 'unet' is not known"),
     ],
 )
 def test_a_network_for_something_else_is_one_line(data, weights, tmp_path, capsys, changes, said):
@@ -354,7 +354,7 @@ def test_rivals_are_trained_and_measured_alike(data, tmp_path, capsys, name):
     "name, options, said",
     [
         ("sido", ["--mixing", "none"], "mixing given for sido; its settings are base, dropout"),
-        ("psnet", ["--geometric", "0.1"], "weights given for psnet"),
+        ("psnet", ["--geometric", "0.1"], "weights of losses given for psnet"),
         ("dlalnet", ["--no-plane"], "plane given for dlalnet"),
         ("sfnet", ["--second", "first"], "second 'first' given"),
         ("sfnet", ["--noise", "2", "1"], "noise from 2.0 to 1.0 given"),

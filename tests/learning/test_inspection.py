@@ -121,7 +121,7 @@ def test_wrapped_or_not_and_with_a_hole():
 
 def test_nothing_to_measure_is_nan():
     summary = Inspection().summary()
-    assert math.isnan(summary["sharpness"]) and math.isnan(summary["wave_share"])
+    assert math.isnan(summary["sharpness"]) and math.isnan(summary["rms"])
 
 
 def test_texture_darkens_blotches_and_keeps_the_surface(small_set):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+TILE = 32  # pixels that every network halves without a rest: its work grows with their number
+
 
 def add_to(commands) -> None:
     """Add the command to those of `fpp`."""
@@ -61,8 +63,6 @@ def _table(part) -> None:
 
 
 def _print_list(options) -> None:
-    import torch
-
     from fpputil.learning.experiments import SCENES, budget, experiments
     from fpputil.learning.networks.measuring import cost
     from fpputil.learning.results import read_results
@@ -73,6 +73,7 @@ def _print_list(options) -> None:
     speed = _multiply_adds_a_second(options)
     settings, left = budget(options.preset), 0.0
     images = settings.epochs * (settings.views or SCENES)
+    tiles = -(-camera.height // TILE) * -(-camera.width // TILE)
     for name, one in experiments(options.preset).items():
         if name in runs:
             found = runs[name]["splits"]["test"]["measures"]["mae_rad"][0]
@@ -80,9 +81,7 @@ def _print_list(options) -> None:
             continue
         line = f"{name:24} to be made"
         if speed:
-            with torch.device("meta"):
-                network = one.method.network()
-            work = cost(network, (camera.height, camera.width)).multiply_adds
+            work = cost(one.method.network(), (TILE, TILE)).multiply_adds * tiles
             left += images * work / speed
             line += f", about {images * work / speed / 60:.0f} min"
         print(line)
