@@ -35,7 +35,7 @@ changes the photographs alone: mask and truth stay those of the full exposure.""
 
 CONDITION_VIEWS = 100
 KINDS = ("rad", "mm", "order", "spike", "high", "low")
-"""Kinds of errors of which number, sum of |e| and sum of squares are kept for each model."""
+"""Kinds of errors of which number, sum of ``|e|`` and sum of squares are kept for each model."""
 
 
 def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dict:

@@ -55,6 +55,7 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
             for number, record in engines.run(_one_model, jobs, workers, scheduler):
                 done[number] = record
                 bar.update(views)
+        _tidy(out, plan)  # a worker that was lost may have left something
         return _finish(out, plan, [done[n] for n in range(total)])
 
 
