@@ -1,0 +1,101 @@
+"""Intervals, differences and agreement, on runs that are made up."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fpputil.learning import tables
+from fpputil.learning.experiments import ROWS, SEEDS, seeded_name
+
+
+def invented(values, models=100, seed=0, spread=0.1):
+    """Runs of a row, one a value: each with that MAE, a little other in every model."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for value in values:
+        e = value * (1 + spread * rng.standard_normal(models))
+        sums = np.stack([np.full(models, 100.0), 100 * e, 100 * e**2], 1)
+        kinds = {kind: sums.tolist() for kind, _ in tables.MEASURES.values()}
+        runs.append({"splits": {"test": {"models": list(range(models)), "sums": kinds}}})
+    return runs
+
+
+def named(name, runs):
+    return {seeded_name(name, k): run for k, run in enumerate(runs)}
+
+
+def test_an_interval_of_one_run_is_that_of_its_models():
+    (one,) = invented([1.0])
+    (row,) = tables.table(3, {"sfnet": one})
+    e = np.array(one["splits"]["test"]["sums"]["rad"])[:, 1] / 100
+    value, low, high = row.measures["mae_rad"]
+    assert value == pytest.approx(e.mean())
+    assert (high - low) / 2 == pytest.approx(1.96 * e.std() / math.sqrt(len(e)), rel=0.1)
+    assert row.measures["rmse_mm"][0] == pytest.approx(math.sqrt((e**2).mean()))
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Seeds that move the MAE by 10 %, models that move it by 1 %: three seeds, six rows."""
+    held = 0
+    rng = np.random.default_rng(1)
+    for trial in range(60):
+        runs = {}
+        for name in SEEDS:
+            values = 1 + 0.1 * rng.standard_normal(3)
+            runs |= named(name, invented(values, seed=trial, spread=0.1))
+        values = tables.drawn(tables.seeds_of("sido", runs), "mae_rad", draws=200)
+        spread, freedom = tables.seed_spread(runs, "mae_rad")
+        value, low, high = tables.interval(values, spread * values[0] / math.sqrt(3), freedom)
+        held += low < 1 < high and freedom == 12
+    assert held >= 53  # of 60; 57 are expected, and 53 or more in 98 of 100 cases
+
+
+def test_a_row_with_one_seed_borrows_the_spread_of_the_others():
+    runs = named("sido", invented([0.9, 1.0, 1.1], spread=0)) | {
+        "sfnet": invented([1.0], spread=0)[0]
+    }
+    rows = {row.name: row for row in tables.table(3, runs)}
+    widths = {k: np.ptp(row.measures["mae_rad"][1:]) / 2 for k, row in rows.items()}
+    assert widths["sfnet"] == pytest.approx(4.303 * 0.1, rel=0.05)
+    assert widths["sido"] == pytest.approx(4.303 * 0.1 / math.sqrt(3), rel=0.05)
+
+
+def test_differences_are_drawn_in_pairs():
+    """Two rows alike in every model but for a constant: the difference has no spread."""
+    a, b = invented([1.0])[0], invented([1.0])[0]
+    sums = b["splits"]["test"]["sums"]
+    sums["rad"] = (np.array(sums["rad"]) + [0, 5, 0]).tolist()
+    (row,) = (r for r in tables.table(3, {"sfnet": a, "sido": b}) if r.name == "sido")
+    assert row.difference == pytest.approx((0.05, 0.05, 0.05))
+    b["splits"]["test"]["models"].reverse()
+    with pytest.raises(ValueError, match="different models"):
+        tables.drawn([a, b], "mae_rad")
+
+
+def test_tables_of_one_seed_take_seed_0_of_every_row():
+    runs = named("sfnet", invented([1.0, 2.0, 3.0])) | {"sfnet-2-frames": invented([0.5])[0]}
+    row, more = tables.table(5, runs)
+    assert (row.seeds, more.seeds) == (1, 1)
+    assert row.measures["mae_rad"][0] == pytest.approx(1, rel=0.02)
+    assert more.difference[0] == pytest.approx(-0.5, rel=0.05)
+    assert tables.table(4, runs)[0].seeds == 3
+
+
+def test_agreement_is_kendalls():
+    runs = dict(zip(ROWS[6].values(), invented(range(1, 10)), strict=True))
+    rows = tables.table(6, runs)
+    assert len(rows) == 9 and rows[4].name == "sfnet" and rows[4].difference is None
+    paper = np.array([row.paper[0] for row in rows])
+    ours = np.array([row.measures["mae_rad"][0] for row in rows])
+    pairs = [(i, j) for i in range(9) for j in range(i)]
+    signs = [np.sign((paper[i] - paper[j]) * (ours[i] - ours[j])) for i, j in pairs]
+    tied = sum(paper[i] == paper[j] for i, j in pairs)
+    tau = sum(signs) / math.sqrt(36 * (36 - tied))
+    assert tables.agreement(rows)[0] == pytest.approx(tau)
+
+
+def test_a_measure_that_is_not_known_is_a_dash():
+    (row,) = tables.table(3, {"sfnet": invented([1.0])[0]})
+    control = dict.fromkeys(row.measures, (None, None, None))
+    assert " -  " in tables.as_text([row], control)
