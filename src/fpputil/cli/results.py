@@ -102,23 +102,15 @@ def _multiply_adds_a_second(options) -> float | None:
     return None
 
 
-def _threads(options) -> None:
-    import torch
-
-    from fpputil.checks import whole
-
-    if options.threads is not None:
-        torch.set_num_threads(whole("threads", options.threads, 1))
-
-
 def _data(options) -> Path:
     return options.data or Path("sets") / options.preset
 
 
 def _search(options) -> None:
+    from fpputil.learning.devices import use_threads
     from fpputil.learning.rates import search
 
-    _threads(options)
+    use_threads(options.threads)
     path = options.results / "tiny" / "rates.json"
     how = {"workers": options.workers, "device": options.device, "progress": True}
     for kind, rate in search(_data(options), path, **how).items():
@@ -126,10 +118,11 @@ def _search(options) -> None:
 
 
 def _make(options) -> int:
+    from fpputil.learning.devices import use_threads
     from fpputil.learning.experiments import experiments
     from fpputil.learning.results import run
 
-    _threads(options)
+    use_threads(options.threads)
     known = list(experiments(options.preset))
     if wrong := [name for name in options.names if name not in (*known, "all")]:
         raise ValueError(f"run {wrong[0]!r} given; the runs are all, {', '.join(known)}")

@@ -78,7 +78,7 @@ def _network(group) -> None:
 
 
 def _train(options) -> None:
-    from fpputil.checks import whole
+    from fpputil.learning.devices import use_threads
     from fpputil.learning.recipes import recipe
     from fpputil.learning.store import open_store
     from fpputil.learning.training import fit
@@ -96,10 +96,7 @@ def _train(options) -> None:
             f"{options.data} was made with the preset {made}, and {options.preset} is given; name "
             "the preset of the dataset"
         )
-    if options.threads is not None:
-        import torch
-
-        torch.set_num_threads(whole("threads", options.threads, 1))
+    use_threads(options.threads)
     start = None if options.start is None else load_weights(options.start)
     _, history = fit(
         method, options.data, settings, options.out, resume=options.resume, start=start,

@@ -12,6 +12,8 @@ from pathlib import Path
 import torch
 from torch import Tensor, distributed, nn
 
+from fpputil.checks import whole
+
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
 
@@ -42,6 +44,12 @@ def device_of(name: str) -> torch.device:
         found = torch.cuda.device_count()
         raise ValueError(f"device {name!r} given; torch can use {found} such devices here")
     return torch.device("cuda", number)
+
+
+def use_threads(number: int | None) -> None:
+    """Let torch use so many threads of the processor; None leaves all to it."""
+    if number is not None:
+        torch.set_num_threads(whole("threads", number, 1))
 
 
 def precision_of(name: str, device: torch.device) -> str:

@@ -135,13 +135,13 @@ class Row:
     paper: tuple[float, ...] | None
 
 
-def measures_of(own: list[dict], runs: dict[str, dict], part=("splits", "test")) -> dict:
-    """Each of `MEASURES` that a row has, value and interval; `runs` tell what a seed moves."""
+def measures_of(own: list[dict], spreads: dict, part=("splits", "test")) -> dict:
+    """Each of `MEASURES` that a row has, value and interval; `seed_spread` of each is given."""
     found = {}
     for measure in MEASURES:
         if _has(own[0], measure):
             values = drawn(own, measure, part)
-            spread, freedom = seed_spread(runs, measure)
+            spread, freedom = spreads[measure]
             moved = spread * values[0] / math.sqrt(len(own))
             found[measure] = interval(values, moved, freedom)
     return found
@@ -151,10 +151,12 @@ def _has(run: dict, measure: str) -> bool:
     return MEASURES[measure][0] in run["splits"]["test"]["sums"]
 
 
-def difference(a: list[dict], b: list[dict], runs, measure="mae_rad", part=("splits", "test")):
+def difference(
+    a: list[dict], b: list[dict], spreads: dict, measure="mae_rad", part=("splits", "test")
+):
     """A measure of one row above that of another, value and interval."""
     pair = [drawn(own, measure, part) for own in (a, b)]
-    spread, freedom = seed_spread(runs, measure)
+    spread, freedom = spreads[measure]
     moved = math.hypot(*(v[0] / math.sqrt(len(own)) for v, own in zip(pair, (a, b), strict=True)))
     return interval(pair[0] - pair[1], spread * moved, freedom)
 
@@ -178,11 +180,12 @@ def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
         raise ValueError(f"table {number!r} given; the tables are {', '.join(map(str, ROWS))}")
     several, rows = number in (3, 4), []
     reference = seeds_of("sfnet", runs, several)
+    spreads = {measure: seed_spread(runs, measure) for measure in MEASURES}
     for label, name in ROWS[number].items():
         if not (own := seeds_of(name, runs, several)):
             continue
-        above = difference(own, reference, runs) if reference and name != "sfnet" else None
-        found = measures_of(own, runs)
+        above = difference(own, reference, spreads) if reference and name != "sfnet" else None
+        found = measures_of(own, spreads)
         rows.append(Row(label, name, len(own), found, above, PAPER[number].get(label)))
     return rows
 
