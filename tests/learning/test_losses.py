@@ -58,7 +58,7 @@ def by_loops(outputs, truth, rig, method):
     w = method.weights
     mask, Phi = truth["mask"].numpy(), truth["Phi"].numpy()
     inside = [tuple(p) for p in np.argwhere(mask)]
-    phi_h, Phi_found, squares = {}, {}, []
+    phi_h, Phi_found, errors = {}, {}, []
     for p in inside:
         if method.target == "components":
             a, b, c, d = (float(outputs[k][p]) for k in ((0, 0), (0, 1), (1, 0), (1, 1)))
@@ -67,12 +67,13 @@ def by_loops(outputs, truth, rig, method):
         else:
             given = high, low = tuple(float(outputs[k, 0][p]) for k in (0, 1))
             wanted = wrapped(float(Phi[p])), truth["phi_r"][p]
-        squares.append([(float(x) - float(y)) ** 2 for x, y in zip(given, wanted, strict=True)])
+        size = abs if w.l1 else lambda e: e**2
+        errors.append([size(float(x) - float(y)) for x, y in zip(given, wanted, strict=True)])
         K_r = math.ceil((float(rig.lowest["zmin"][p]) - low) / TWO_PI)
         K_h = round((RATIO * (low + TWO_PI * K_r) - high) / TWO_PI)
         phi_h[p], Phi_found[p] = high, high + TWO_PI * K_h
         residual = Phi_found[p] - float(Phi[p])
-        squares[-1].append((residual if w.order else wrapped(residual)) ** 2)
+        errors[-1].append(size(residual if w.order else wrapped(residual)))
     steps = []
     for v, u in inside:
         steps += [("across", (v, u), q) for q in ((v, u + 1),) if q in phi_h]
@@ -84,7 +85,7 @@ def by_loops(outputs, truth, rig, method):
     together = np.mean if w.mean else np.sum
     scale = 1 if w.mean else 640 * 480 / mask.size
     found = {
-        "phase": np.mean(squares, axis=0).sum() if squares else 0.0,
+        "phase": np.mean(errors, axis=0).sum() if errors else 0.0,
         "consistency": sum(np.mean(x) for x in eq13.values() if x),
         "geometric": scale * sum(together(x) for x in eq14.values() if x),
     }
@@ -96,6 +97,8 @@ METHODS = [
     SFNetMethod(),
     SFNetMethod(weights=Weights(order=False)),
     SFNetMethod(weights=Weights(0.5, 0.3, 1e-3, mean=True)),
+    SFNetMethod(weights=Weights(l1=True)),
+    SFNetMethod(weights=Weights(order=False, l1=True)),
     SFNetMethod(target="phase"),
     SFNetMethod(target="phase", weights=Weights(2, 3, 4, order=False)),
 ]

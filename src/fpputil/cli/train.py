@@ -75,6 +75,8 @@ def _network(group) -> None:
                        help="compare absolute phases modulo 2 pi in Eq. 12 (ours)")  # fmt: skip
     group.add_argument("--mean", action=yes_or_no,
                        help="average Eq. 14 over the pixels, not add up (ours)")  # fmt: skip
+    group.add_argument("--l1", action=yes_or_no,
+                       help="absolute errors, not squares, in Eq. 12 (ours)")  # fmt: skip
 
 
 def _train(options) -> None:
@@ -117,7 +119,7 @@ def _changed(method, options):
     from fpputil.learning.losses import Weights
 
     given = _given(options, OF_METHOD)
-    weights = _given(options, ("phase", "consistency", "geometric", "mean"))
+    weights = _given(options, ("phase", "consistency", "geometric", "mean", "l1"))
     weights |= {} if options.modulo is None else {"order": not options.modulo}
     known = {f.name for f in fields(method)}
     for name in (*given, *(["weights of losses"] if weights and "weights" not in known else [])):

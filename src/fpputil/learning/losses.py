@@ -71,9 +71,9 @@ def squared(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
     return pixels.mean(e.flatten(1).mean(1) if e.ndim > 1 else e)
 
 
-def wrapped(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
-    """Mean squared error modulo 2 pi of phases (P,): ours, in place of the last term of Eq. 12."""
-    return pixels.mean(wrap(predicted - true) ** 2)
+def absolute(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
+    """Mean absolute error of values (P,): ours, in place of the squares of Eq. 12. Chapter 8."""
+    return pixels.mean((predicted - true).abs())
 
 
 def consistency(pixels: Pixels, phi: Tensor, Phi: Tensor) -> Tensor:
@@ -121,6 +121,8 @@ class Weights:
         the absolute phase is compared modulo 2 pi.
     mean : bool
         Whether Eq. 14 is averaged over the pairs, not added up.
+    l1 : bool
+        Whether Eq. 12 adds up absolute errors, not squares.
     """
 
     phase: float = 1.0
@@ -128,6 +130,7 @@ class Weights:
     geometric: float = 1e-6
     order: bool = True
     mean: bool = False
+    l1: bool = False
 
     def __post_init__(self):
         for name in ("phase", "consistency", "geometric"):
@@ -143,10 +146,12 @@ class Weights:
         phi_h, Phi_predicted, Phi : (P,) tensors
             Predicted wrapped phase of the high pitch, predicted and true absolute phase.
         """
-        compare = squared if self.order else wrapped
+        error = absolute if self.l1 else squared
+        residual = Phi_predicted - Phi
+        residual = residual if self.order else wrap(residual)
+        pairs = [*zip(components, targets, strict=True), (residual, torch.zeros_like(residual))]
         parts = {
-            "phase": sum(squared(pixels, c, t) for c, t in zip(components, targets, strict=True))
-            + compare(pixels, Phi_predicted, Phi),
+            "phase": sum(error(pixels, *pair) for pair in pairs),
             "consistency": consistency(pixels, phi_h, Phi),
             "geometric": geometric(pixels, Phi_predicted, mean=self.mean),
         }

@@ -12,7 +12,7 @@ from filelock import FileLock
 from fpputil.checks import write_whole
 from fpputil.learning.devices import device_of, hardware
 from fpputil.learning.experiments import RATES, SEARCH, SEARCHED, methods
-from fpputil.learning.methods import settings_of
+from fpputil.learning.methods import method_of, settings_of
 from fpputil.learning.run import plain
 from fpputil.learning.store import open_store
 from fpputil.learning.training import fit
@@ -56,8 +56,9 @@ def search(data: str | Path, path: str | Path, **how) -> dict[str, float]:
     with FileLock(path.with_suffix(".lock")):  # a second search waits, and finds all done
         found = {**about, "runs": {}}
         if path.is_file():
-            found = json.loads(path.read_text())
-            if other := [k for k in about if found.get(k) != about[k]]:
+            found = read_json(path, *about, "runs")
+            found["methods"] = {k: settings_of(method_of(v)) for k, v in found["methods"].items()}
+            if other := [k for k in about if found[k] != about[k]]:
                 raise ValueError(
                     f"{path} is a search with other {other[0]}; remove it to search anew"
                 )
