@@ -39,7 +39,9 @@ def found(small_set, tmp_path_factory):
     out = tmp_path_factory.mktemp("results")
     (out / "tiny").mkdir()
     tried = {"0.001": {"mae": 2}, "0.002": {"mae": 1}, "0.004": {"mae": 3}}
-    text = json.dumps({"data": "", "runs": dict.fromkeys(KINDS, tried)})
+    text = json.dumps(
+        {"data": "", "settings": {}, "methods": {}, "runs": dict.fromkeys(KINDS, tried)}
+    )
     (out / "tiny" / "rates.json").write_text(text)
     for name in ("sfnet", "sido", "psnet", "sfnet-seed-1"):
         results.run(name, "tiny", small_set, out / "work", out)
@@ -87,7 +89,7 @@ def test_each_row_differs_from_sfnet_in_what_it_says():
 def test_what_a_run_leaves(found, small_set):
     run = json.loads((found / "tiny" / "sfnet.json").read_text())
     assert run["seed"] == 0 and run["images"] == 8 and run["preset"] == "tiny"
-    assert run["settings"]["rate"] == rates.best_rates(found / "tiny" / "rates.json")["sfnet"]
+    assert run["settings"]["rate"] == rates.best_rate(found / "tiny" / "rates.json", "sfnet")
     assert len(run["history"]) == 2 and run["seconds"] > 0
     assert run["hardware"]["torch"] == torch.__version__
     trained = load_weights(weights_of(found, "sfnet"))
@@ -247,11 +249,14 @@ def test_what_is_missing_is_said(found, small_set, tmp_path, capsys):
     assert "run 'typo' given" in capsys.readouterr().err
     (tmp_path / "rates.json").write_text(json.dumps(half))
     with pytest.raises(ValueError, match="lacks rates of sido"):
-        rates.best_rates(tmp_path / "rates.json")
+        rates.best_rate(tmp_path / "rates.json", "sido")
+    assert rates.best_rate(tmp_path / "rates.json", "sfnet") == 2e-3
     half["data"] = "another"
     (tmp_path / "rates.json").write_text(json.dumps(half))
     with pytest.raises(ValueError, match="is a search with other data"):
         rates.search(small_set, tmp_path / "rates.json")
+    with pytest.raises(ValueError, match="'sfnet-zmin' given; rates are searched for sfnet, sido"):
+        rates.search(small_set, tmp_path / "rates.json", ["sfnet-zmin"])
     assert main(["results", "table", "3", "--results", str(tmp_path)]) == 1
     assert "no run of table 3 is finished" in capsys.readouterr().err
     assert main(["results", "table", "9", "--results", str(found)]) == 1
@@ -274,6 +279,7 @@ def test_the_search_goes_on_where_the_best_is_an_end(small_set, tmp_path, monkey
 
     monkeypatch.setattr(rates, "fit", fit)
     found = rates.search(small_set, path)
+    assert rates.search(small_set, path, ["psnet"]) == {"psnet": 2e-3}
     assert found == {"sfnet": 2e-3, "sido": 1.6e-2, "psnet": 2e-3, "dlalnet": 2e-3}
     made = json.loads(path.read_text())["runs"]
     assert list(made["sfnet"]) == ["0.001", "0.002", "0.004"]

@@ -43,6 +43,7 @@ def _list(part) -> None:
 
 
 def _rates(part) -> None:
+    part.add_argument("names", nargs="*", metavar="NAME", help="of a kind of runs (default all)")
     part.add_argument("--results", type=Path, default=Path("data/results"), metavar="DIR",
                       help="folder of the results (default data/results)")  # fmt: skip
     _training(part)
@@ -113,8 +114,8 @@ def _search(options) -> None:
     use_threads(options.threads)
     path = options.results / "tiny" / "rates.json"
     how = {"workers": options.workers, "device": options.device, "progress": True}
-    for kind, rate in search(_data(options), path, **how).items():
-        print(f"{kind:8} {rate:g}")
+    for kind, rate in search(_data(options), path, options.names, **how).items():
+        print(f"{kind:14} {rate:g}")
 
 
 def _make(options) -> int:

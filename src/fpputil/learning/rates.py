@@ -20,8 +20,8 @@ from fpputil.learning.training import fit
 MEASURES = ("mae", "rmse", "order_errors")
 
 
-def search(data: str | Path, path: str | Path, **how) -> dict[str, float]:
-    """Try learning rates for each of `SEARCHED`, those that a JSON file lacks.
+def search(data: str | Path, path: str | Path, kinds=None, **how) -> dict[str, float]:
+    """Try learning rates for each of some kinds of runs, those that a JSON file lacks.
 
     Parameters
     ----------
@@ -31,6 +31,8 @@ def search(data: str | Path, path: str | Path, **how) -> dict[str, float]:
         Of the file: data (checksum), settings, methods, hardware, and runs: of each kind and
         rate mae, rmse (radians) and order_errors (0 to 1) on validation views, and seconds; mae
         is None where the loss was not finite.
+    kinds : sequence of str
+        Of `SEARCHED`; by default all.
     **how
         Options of `fit`: workers, device, progress.
 
@@ -42,8 +44,12 @@ def search(data: str | Path, path: str | Path, **how) -> dict[str, float]:
     Raises
     ------
     ValueError
-        If the dataset is of another preset, or the file is of another search.
+        If there is no such kind, the dataset is of another preset, or the file is of another
+        search.
     """
+    kinds = kinds or SEARCHED
+    if wrong := [kind for kind in kinds if kind not in SEARCHED]:
+        raise ValueError(f"{wrong[0]!r} given; rates are searched for {', '.join(SEARCHED)}")
     path, store, known = Path(path), open_store(data), methods("tiny")
     if (made := store.manifest["settings"]["preset"]) != "tiny":
         raise ValueError(f"{data} was made with the preset {made}; rates are searched at tiny")
@@ -62,13 +68,13 @@ def search(data: str | Path, path: str | Path, **how) -> dict[str, float]:
                 raise ValueError(
                     f"{path} is a search with other {other[0]}; remove it to search anew"
                 )
-        for kind in SEARCHED:
+        for kind in kinds:
             tried = found["runs"].setdefault(kind, {})
             while (rate := _next_rate(tried)) is not None:
                 tried[f"{rate:g}"] = _try(known[kind], data, rate, how)
                 found["hardware"] = hardware(device_of(how.get("device") or "cpu"))
                 write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
-    return best_rates(path)
+    return {kind: best_rate(path, kind) for kind in kinds}
 
 
 def _try(method, data, rate: float, how: dict) -> dict:
@@ -96,22 +102,21 @@ def _best(tried: dict[str, dict]) -> float:
     return min(known, key=lambda rate: math.inf if known[rate] is None else known[rate])
 
 
-def best_rates(path: str | Path) -> dict[str, float]:
-    """The rate with the least validation MAE of each kind, as `search` found them.
+def best_rate(path: str | Path, kind: str) -> float:
+    """The rate with the least validation MAE of a kind, as `search` found it.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If nothing was searched yet, or not everything.
+        If nothing was searched yet, or not enough for this kind.
     """
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not there; search first: fpp results rates")
-    runs = read_json(path, "runs")["runs"]
-    for kind in SEARCHED:
-        if _next_rate(runs.get(kind, {})) is not None:
-            raise ValueError(f"{path} lacks rates of {kind}; go on searching: fpp results rates")
-    return {kind: _best(runs[kind]) for kind in SEARCHED}
+    tried = read_json(path, "runs")["runs"].get(kind, {})
+    if _next_rate(tried) is not None:
+        raise ValueError(f"{path} lacks rates of {kind}; go on searching: fpp results rates {kind}")
+    return _best(tried)
 
 
 def read_json(path: Path, *needed: str) -> dict:

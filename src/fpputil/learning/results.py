@@ -19,7 +19,7 @@ from fpputil.learning.assessment import SPLITS, assess
 from fpputil.learning.experiments import Experiment, budget, experiments
 from fpputil.learning.methods import method_of, settings_of
 from fpputil.learning.networks.measuring import cost
-from fpputil.learning.rates import best_rates, read_json
+from fpputil.learning.rates import best_rate, read_json
 from fpputil.learning.run import CHECKPOINT, plain
 from fpputil.learning.store import open_store
 from fpputil.learning.trainer import WEIGHTS
@@ -95,7 +95,7 @@ def _wanted(name: str, preset: str, one: Experiment, data, results: Path):
         raise ValueError(f"{data} was made with the preset {made}, and {preset} is asked for")
     for split in ("training", "validation", *SPLITS):
         store.indices(split)  # which raises if it lacks one
-    rate = best_rates(results / "tiny" / "rates.json")[one.kind]
+    rate = best_rate(results / "tiny" / "rates.json", one.kind)
     settings = replace(budget(preset), rate=rate, seed=one.seed)
     return settings, {
         "name": name,
