@@ -82,6 +82,18 @@ def test_an_offset_and_a_smooth_error_are_no_waves():
     assert max(summary["waves"][1:]) < 2 * max(summary["floor"]) < 0.02
 
 
+@pytest.mark.parametrize("fringes", [0.1, 0.5, 1.5])
+def test_a_view_of_few_fringes_does_not_invent_waves(fringes):
+    """So few that the terms are much alike, and a noisy error would blow them up."""
+    u = np.mgrid[: SIZE[0], : SIZE[1]][1]
+    Phi = 40 + 2 * math.pi * fringes * u / SIZE[1]
+    e = 0.05 * np.random.default_rng(0).standard_normal(SIZE)
+    inspection = Inspection()
+    inspection.add(view(Phi), found(Phi, Phi + e))
+    summary = inspection.summary()
+    assert max(summary["waves"] + summary["floor"]) < 0.02
+
+
 def test_a_few_wild_pixels_are_no_waves():
     e = np.zeros(SIZE)
     e[::7, ::5] = 3.0

@@ -95,6 +95,14 @@ def test_agreement_is_kendalls():
     assert tables.agreement(rows)[0] == pytest.approx(tau)
 
 
+def test_differences_that_are_not_sure_are_named():
+    names = ("sfnet", "sido", "psnet")
+    runs = dict(zip(names, invented([1.0, 1.0, 9.0]), strict=True))
+    lines = tables.differences_as_text(tables.table(3, runs)).splitlines()
+    assert [line.split()[0] for line in lines[1:]] == ["SIDO", "PSNet"]
+    assert lines[1].endswith("not told apart") and "told" not in lines[2]
+
+
 def test_a_measure_that_is_not_known_is_a_dash():
     (row,) = tables.table(3, {"sfnet": invented([1.0])[0]})
     control = dict.fromkeys(row.measures, (None, None, None))

@@ -154,7 +154,7 @@ def _make(options) -> int:
 
 def _print_table(options) -> None:
     from fpputil.learning.results import read_results
-    from fpputil.learning.tables import agreement, as_text, table
+    from fpputil.learning.tables import agreement, as_text, differences_as_text, table
 
     number = int(options.number) if options.number.isdecimal() else options.number
     runs = read_results(options.preset, options.results)
@@ -166,5 +166,6 @@ def _print_table(options) -> None:
         )
     control = runs["sfnet"]["splits"]["test"]["alone"] if "sfnet" in runs else None
     print(as_text(rows, control))
+    print(differences_as_text(rows))
     if number == 6 and len(rows) > 2:
         print("Kendall's tau with the paper {:.2f}, p = {:.2f}".format(*agreement(rows)))

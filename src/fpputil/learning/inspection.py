@@ -15,6 +15,7 @@ DISTANCES = (0, 1, 2, 3, 5, 8, 12, math.inf)
 
 HARMONICS = 6
 INNER, SMALL = 2.0, 0.5  # pixels from an edge, radians: waves are looked for beyond and below
+ALIKE = 0.1  # combinations of terms so weak, beside the strongest, are not told apart
 STEP = 1.0  # radians that a crease bends at most within three pixels
 CANNY = 30, 90  # thresholds of the gradient, grey levels
 
@@ -48,7 +49,8 @@ def waves(e: np.ndarray, Phi: np.ndarray) -> np.ndarray:
 
     Offset, harmonics 1 to `HARMONICS` of the fringe and as many frequencies half way between
     are fitted together by least squares. A smooth error leaves as much at the latter as at the
-    former, a wave does not.
+    former, a wave does not. Where a view shows too few fringes to tell terms apart, they share
+    what they have in common.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ def waves(e: np.ndarray, Phi: np.ndarray) -> np.ndarray:
     k = np.arange(1, HARMONICS + 1)[:, None]
     angles = np.concatenate([k, k + 0.5]) * Phi
     terms = np.concatenate([np.ones_like(Phi)[None], np.cos(angles), np.sin(angles)])
-    _, *fit = np.linalg.lstsq(terms.T, e, rcond=None)[0]
+    _, *fit = np.linalg.lstsq(terms.T, e, rcond=ALIKE)[0]
     return np.hypot(*np.reshape(fit, (2, -1))).reshape(2, HARMONICS)
 
 

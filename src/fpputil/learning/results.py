@@ -10,7 +10,6 @@ from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
 import torch
 from filelock import FileLock, Timeout
 
@@ -24,7 +23,7 @@ from fpputil.learning.run import CHECKPOINT, plain
 from fpputil.learning.store import open_store
 from fpputil.learning.trainer import WEIGHTS
 from fpputil.learning.training import fit
-from fpputil.learning.weights import Trained, load_weights
+from fpputil.learning.weights import Trained, load_weights, short
 
 RESULTS = Path("data/results")
 
@@ -84,7 +83,7 @@ def run(
         found = {**about, **_facts(trained, history)}
         found |= assess(trained, data, path.with_suffix(".npz"), **_loading(how))
         write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
-        write_whole(path, f"{json.dumps(_short(found), separators=(',', ':'))}\n".encode())
+        write_whole(path, f"{json.dumps(short(found), separators=(',', ':'))}\n".encode())
     return read_result(path)
 
 
@@ -181,14 +180,3 @@ def _loading(how: dict) -> dict:
     device = how.get("device") or ("cuda" if torch.cuda.is_available() else "cpu")
     shared = {"workers": how.get("workers", 0), "progress": how.get("progress", False)}
     return {**shared, "device": device, "precision": "float32"}  # on every device alike
-
-
-def _short(value):
-    """The value with numbers of seven digits, and None for NaN, as JSON has it."""
-    if isinstance(value, dict):
-        return {k: _short(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_short(v) for v in value]
-    if isinstance(value, float):
-        return float(f"{value:.7g}") if np.isfinite(value) else None
-    return value

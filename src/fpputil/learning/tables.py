@@ -191,18 +191,20 @@ def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
 
 
 COLUMNS = {
-    "mae_rad": ("MAE, rad", 1),
-    "rmse_rad": ("RMSE, rad", 1),
-    "mae_mm": ("MAE, mm", 1),
-    "rmse_mm": ("RMSE, mm", 1),
-    "order_errors": ("wrong orders, %", 100),
-    "spikes": ("spikes, %", 100),
+    "mae_rad": ("MAE, rad", 1, 4),
+    "rmse_rad": ("RMSE, rad", 1, 4),
+    "mae_mm": ("MAE, mm", 1, 3),
+    "rmse_mm": ("RMSE, mm", 1, 2),
+    "order_errors": ("orders, %", 100, 2),
+    "spikes": ("spikes, %", 100, 3),
 }
-"""Title of each measure that is printed, and what it is multiplied with."""
+"""Title of each measure that is printed, what it is multiplied with, and its decimals."""
+
+WIDTH = 14  # characters of a column
 
 
 def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
-    """A table in columns: ours with half its interval, the paper's value below, row by row.
+    """A table in columns: ours with half its interval, the paper's values below, row by row.
 
     Parameters
     ----------
@@ -210,28 +212,40 @@ def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
     control : dict, optional
         Measures of phi_h of SFNet alone, as ``run["splits"]["test"]["alone"]`` has them.
     """
-    titles = [f"{title:20}" for title, _ in COLUMNS.values()]
-    lines = [f"{'':30} seeds {' '.join(titles)} above SFNet, rad"]
+    first = max(16, *(len(row.label) + 1 for row in rows))
+    titles = " ".join(f"{title:{WIDTH}}" for title, *_ in COLUMNS.values())
+    lines = [f"{'':{first}}seeds {titles}"]
     for row in rows:
-        above = _plus_minus(row.difference, 1) if row.difference else ""
-        lines.append(f"{row.label:30} {row.seeds:5} {_cells(row.measures)} {above}")
+        lines.append(f"{row.label:{first}}{row.seeds:5} {_cells(row.measures)}")
         if row.paper:
-            lines.append(f"{'  in the paper':36} " + " ".join(f"{x:<20.4f}" for x in row.paper))
+            values = " ".join(f"{x:<{WIDTH}.4f}" for x in row.paper)
+            lines.append(f"{'  in the paper':{first + 6}}{values}")
     if control:
-        lines.append(f"{'phi_h of SFNet alone':36} {_cells(control)}")
+        lines.append(f"{'phi_h alone':{first + 6}}{_cells(control)}")
     return "\n".join(line.rstrip() for line in lines)
 
 
+def differences_as_text(rows: list[Row]) -> str:
+    """By how much the MAE of each row lies above SFNet's, with its interval, row by row."""
+    lines = ["MAE above that of SFNet, rad"]
+    for row in rows:
+        if row.difference:
+            value, low, high = row.difference
+            apart = "" if low * high > 0 else "   not told apart"
+            lines.append(f"  {row.label:32} {value:+.4f} [{low:+.4f}, {high:+.4f}]{apart}")
+    return "\n".join(lines)
+
+
 def _cells(measures: dict[str, Interval]) -> str:
-    cells = [_plus_minus(measures[key], scale) for key, (_, scale) in COLUMNS.items()]
-    return " ".join(f"{cell:20}" for cell in cells)
+    cells = [_plus_minus(measures[k], *how) for k, (_, *how) in COLUMNS.items()]
+    return " ".join(f"{cell:{WIDTH}}" for cell in cells)
 
 
-def _plus_minus(found: Interval, scale: float) -> str:
+def _plus_minus(found: Interval, scale: float, decimals: int) -> str:
     if None in found:
         return "-"
     value, low, high = (scale * x for x in found)
-    return f"{value:.4f} +- {(high - low) / 2:.4f}"
+    return f"{value:.{decimals}f} ±{(high - low) / 2:.{decimals}f}"
 
 
 def agreement(rows: list[Row]) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -102,20 +103,22 @@ def record(path: str | Path, trained: Trained, split: str, found: dict) -> None:
         raise ValueError(f"{path} is no longer the network that was measured; nothing is recorded")
     with safetensors.safe_open(path, "pt") as file:
         dtype = file.get_tensor(next(iter(file.keys()))).dtype
-    metrics = {**trained.about.get("metrics", {}), split: _null(found)}
+    metrics = {**trained.about.get("metrics", {}), split: short(found)}
     after = replace(trained, about={**trained.about, "metrics": metrics})
     save_weights(path, after, dtype)
     text = json.dumps({"method": settings_of(trained.method), **after.about}, indent=1)
     write_whole(path.with_suffix(".json"), f"{text}\n".encode())
 
 
-def _null(value):
-    """The value with None, as JSON has it, for NaN."""
+def short(value):
+    """The value with numbers of seven digits, and None for NaN, as JSON has it."""
     if isinstance(value, dict):
-        return {k: _null(v) for k, v in value.items()}
+        return {k: short(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_null(v) for v in value]
-    return None if value != value else value
+        return [short(v) for v in value]
+    if isinstance(value, float):
+        return float(f"{value:.7g}") if math.isfinite(value) else None
+    return value
 
 
 def checksum(network: nn.Module) -> str:
