@@ -82,7 +82,7 @@ def test_every_option_of_train_arrives(data, tmp_path):
         *("--wait", "3", "--patience", "7", "--views", "3", "--batch", "3", "--seed", "11"),
         *("--frames", "2", "--second", "mid", "--gain", "0.5", "2", "--gamma", "0.9", "1.1"),
         *("--dropout", "0.25", "--mixing", "none", "--target", "phase", "--phase", "2"),
-        *("--consistency", "0.5", "--geometric", "0.25", "--modulo", "--mean"),
+        *("--consistency", "0.5", "--geometric", "0.25", "--modulo", "--mean", "--l1"),
     )
     assert train(data, tmp_path / "run", *given) == 0
     about = read_about(tmp_path / "run/checkpoint.safetensors")
@@ -100,7 +100,8 @@ def test_every_option_of_train_arrives(data, tmp_path):
     wanted = {"frames": 2, "dropout": 0.25, "mixing": "none", "target": "phase", "base": 2}
     wanted |= {"second": "mid"}
     assert {k: method[k] for k in wanted} == wanted and method["levels"] == 2
-    weights = {"phase": 2, "consistency": 0.5, "geometric": 0.25, "order": False, "mean": True}
+    weights = {"phase": 2, "consistency": 0.5, "geometric": 0.25}
+    weights |= {"order": False, "mean": True, "l1": True}
     assert method["weights"] == weights
     camera = {"gain": [0.5, 2.0], "noise": [0.0, 1.0], "gamma": [0.9, 1.1]}  # noise as the recipe
     assert settings["augmentation"] == camera
