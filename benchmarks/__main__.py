@@ -135,39 +135,60 @@ def bench_view() -> dict:
     }
 
 
+def machine() -> dict:
+    return {
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+    }
+
+
+def comparisons(peer: str | None) -> dict:
+    """What is compared, by title."""
+    found = {
+        "machine": machine,
+        "decoder 640x480": lambda: bench_decoder(480, 640),
+        "decoder 1920x1200": lambda: bench_decoder(1200, 1920),
+        "view and frames": bench_view,
+    }
+    if peer:
+        found["against fringes 1920x1200"] = lambda: bench_peer(1200, 1920, peer)
+    else:
+        print("no --peer given: the comparison with `fringes` is left out", file=sys.stderr)
+    found |= {
+        "loading tiny": lambda: loading.bench_loading("tiny", 1000, 12),
+        "loading paper": lambda: loading.bench_loading("paper", 150, 2),
+        "training step tiny": networks.bench_training,
+        "measuring 640x480": networks.bench_measuring,
+        "methods 640x480": rivals.bench_rivals,
+    }
+    if blender_works():
+        found[cycles.TITLE] = cycles.bench_cycles
+    else:
+        print("Blender does not run here: its comparison is left out", file=sys.stderr)
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--peer", help="Python interpreter that has `fringes` installed")
     parser.add_argument("--out", type=Path, default=HERE / "results.json")
+    parser.add_argument("--only", nargs="+", metavar="TITLE", help="the others stay as they are")
     options = parser.parse_args()
-    results = {
-        "machine": {
-            "processor": platform.machine(),
-            "cores": os.cpu_count(),
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "numba": numba.__version__,
-        },
-        "decoder 640x480": bench_decoder(480, 640),
-        "decoder 1920x1200": bench_decoder(1200, 1920),
-        "view and frames": bench_view(),
-    }
-    if options.peer:
-        results["against fringes 1920x1200"] = bench_peer(1200, 1920, options.peer)
-    else:
-        print("no --peer given: the comparison with `fringes` is left out", file=sys.stderr)
-    results["loading tiny"] = loading.bench_loading("tiny", 1000, 12)
-    results["loading paper"] = loading.bench_loading("paper", 150, 2)
-    results["training step tiny"] = networks.bench_training()
-    results["measuring 640x480"] = networks.bench_measuring()
-    results["methods 640x480"] = rivals.bench_rivals()
-    if blender_works():
-        results[cycles.TITLE] = cycles.bench_cycles()
-    else:
-        print("Blender does not run here: its comparison is left out", file=sys.stderr)
-    for title, row in results.items():
+    known, results = comparisons(options.peer), {}
+    if options.only:
+        if wrong := [title for title in options.only if title not in known]:
+            parser.error(f"{wrong[0]!r} given; the titles are {', '.join(known)}")
+        known = {"machine": machine} | {title: known[title] for title in options.only}
+        results = json.loads(options.out.read_text()) if options.out.is_file() else {}
+        if results.get("machine", machine()) != machine():
+            parser.error(f"{options.out} is of another machine; run all")
+    for title, bench in known.items():
+        results[title] = bench()
         print(title)
-        for name, value in row.items():
+        for name, value in results[title].items():
             print(
                 f"  {name:28s} {value:.4g}" if isinstance(value, float) else f"  {name:28s} {value}"
             )

@@ -103,6 +103,14 @@ def test_differences_that_are_not_sure_are_named():
     assert lines[1].endswith("not told apart") and "told" not in lines[2]
 
 
+def test_a_row_in_one_line():
+    rows = tables.table(3, {"sfnet": invented([1.0])[0]})
+    assert tables.as_line("sido", rows) == "not made yet"
+    line = tables.as_line("sfnet", rows).split(", ")
+    assert len(line) == len(rows[0].paper) == 4
+    assert line[0].startswith(f"{rows[0].measures['mae_rad'][0]:.4f} ±")
+
+
 def test_a_measure_that_is_not_known_is_a_dash():
     (row,) = tables.table(3, {"sfnet": invented([1.0])[0]})
     control = dict.fromkeys(row.measures, (None, None, None))

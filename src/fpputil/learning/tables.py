@@ -225,6 +225,13 @@ def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
+def as_line(name: str, rows: list[Row]) -> str:
+    """What the paper prints of a row, ours, in one line; or that its run is not made yet."""
+    found = [row.measures for row in rows if row.name == name]
+    cells = (_plus_minus(m[k], *COLUMNS[k][1:]) for m in found for k in list(COLUMNS)[:4])
+    return ", ".join(cells) or "not made yet"
+
+
 def differences_as_text(rows: list[Row]) -> str:
     """By how much the MAE of each row lies above SFNet's, with its interval, row by row."""
     lines = ["MAE above that of SFNet, rad"]
