@@ -108,10 +108,10 @@ def test_a_row_in_one_line():
     assert tables.as_line("sido", rows) == "not made yet"
     line = tables.as_line("sfnet", rows).split(", ")
     assert len(line) == len(rows[0].paper) == 4
-    assert line[0].startswith(f"{rows[0].measures['mae_rad'][0]:.4f} ±")
+    assert line[0].startswith(f"{rows[0].measures['mae_rad'][0]:.4f}±")
 
 
 def test_a_measure_that_is_not_known_is_a_dash():
     (row,) = tables.table(3, {"sfnet": invented([1.0])[0]})
     control = dict.fromkeys(row.measures, (None, None, None))
-    assert " -  " in tables.as_text([row], control)
+    assert " - " in tables.as_text([row], control)

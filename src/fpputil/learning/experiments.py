@@ -27,13 +27,13 @@ ROWS = {
     5: {"1 + 1": "sfnet", "2 + 2": "sfnet-2-frames", "3 + 3": "sfnet-3-frames"},
     6: {f"{c}, {g}": name for (c, g), name in _by_weights().items()},
     "ours": {
-        "SFNet, losses as printed": "sfnet-printed",
-        "SFNet, joined at every level": "sfnet-every-level",
-        "SFNet, reference 304 unrefined": "sfnet-zmin",
-        "SFNet, reference 114": "sfnet-mid",
-        "SFNet, reference 912": "sfnet-unit",
+        "losses as printed": "sfnet-printed",
+        "joined at every level": "sfnet-every-level",
+        "reference unrefined": "sfnet-zmin",
+        "reference at pitch 114": "sfnet-mid",
+        "reference at pitch 912": "sfnet-unit",
         "SIDO without the plane": "sido-no-plane",
-        "DLALNet, losses of SFNet": "dlalnet-losses",
+        "DLALNet, SFNet's losses": "dlalnet-losses",
     },
 }
 """Name of the run of each row of each table; "ours" are rows that the paper does not have."""

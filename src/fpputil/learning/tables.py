@@ -191,16 +191,14 @@ def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
 
 
 COLUMNS = {
-    "mae_rad": ("MAE, rad", 1, 4),
-    "rmse_rad": ("RMSE, rad", 1, 4),
-    "mae_mm": ("MAE, mm", 1, 3),
-    "rmse_mm": ("RMSE, mm", 1, 2),
-    "order_errors": ("orders, %", 100, 2),
-    "spikes": ("spikes, %", 100, 3),
+    "mae_rad": ("MAE, rad", 1, 4, 13),
+    "rmse_rad": ("RMSE, rad", 1, 3, 11),
+    "mae_mm": ("MAE, mm", 1, 2, 10),
+    "rmse_mm": ("RMSE, mm", 1, 1, 9),
+    "order_errors": ("orders, %", 100, 2, 10),
+    "spikes": ("spikes, %", 100, 2, 10),
 }
-"""Title of each measure that is printed, what it is multiplied with, and its decimals."""
-
-WIDTH = 14  # characters of a column
+"""Title of each measure that is printed, what it is multiplied with, decimals, characters."""
 
 
 def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
@@ -212,24 +210,39 @@ def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
     control : dict, optional
         Measures of phi_h of SFNet alone, as ``run["splits"]["test"]["alone"]`` has them.
     """
-    first = max(16, *(len(row.label) + 1 for row in rows))
-    titles = " ".join(f"{title:{WIDTH}}" for title, *_ in COLUMNS.values())
-    lines = [f"{'':{first}}seeds {titles}"]
+    first = max(14, *(len(row.label) for row in rows))
+    widths = [width for *_, width in COLUMNS.values()]
+    titles = (title for title, *_ in COLUMNS.values())
+    lines = [f"{'seeds':>{first + 3}} {_joined(titles, widths)}"]
     for row in rows:
-        lines.append(f"{row.label:{first}}{row.seeds:5} {_cells(row.measures)}")
+        lines.append(f"{row.label:{first}}{row.seeds:3} {_joined(_cells(row.measures), widths)}")
         if row.paper:
-            values = " ".join(f"{x:<{WIDTH}.4f}" for x in row.paper)
-            lines.append(f"{'  in the paper':{first + 6}}{values}")
+            values = (f"{x:.4f}" for x in row.paper)
+            lines.append(f"{'  in the paper':{first + 3}} {_joined(values, widths)}")
     if control:
-        lines.append(f"{'phi_h alone':{first + 6}}{_cells(control)}")
+        lines.append(f"{'phi_h alone':{first + 3}} {_joined(_cells(control), widths)}")
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _joined(cells, widths) -> str:
+    return " ".join(f"{cell:{width}}" for cell, width in zip(cells, widths, strict=False))
+
+
+def _cells(measures: dict[str, Interval]) -> list[str]:
+    return [_plus_minus(measures[key], *how) for key, (_, *how, _) in COLUMNS.items()]
+
+
+def _plus_minus(found: Interval, scale: float, decimals: int) -> str:
+    if None in found:
+        return "-"
+    value, low, high = (scale * x for x in found)
+    return f"{value:.{decimals}f}±{(high - low) / 2:.{decimals}f}"
 
 
 def as_line(name: str, rows: list[Row]) -> str:
     """What the paper prints of a row, ours, in one line; or that its run is not made yet."""
     found = [row.measures for row in rows if row.name == name]
-    cells = (_plus_minus(m[k], *COLUMNS[k][1:]) for m in found for k in list(COLUMNS)[:4])
-    return ", ".join(cells) or "not made yet"
+    return ", ".join(cell for m in found for cell in _cells(m)[:4]) or "not made yet"
 
 
 def differences_as_text(rows: list[Row]) -> str:
@@ -239,20 +252,8 @@ def differences_as_text(rows: list[Row]) -> str:
         if row.difference:
             value, low, high = row.difference
             apart = "" if low * high > 0 else "   not told apart"
-            lines.append(f"  {row.label:32} {value:+.4f} [{low:+.4f}, {high:+.4f}]{apart}")
+            lines.append(f"  {row.label:24} {value:+.4f} [{low:+.4f}, {high:+.4f}]{apart}")
     return "\n".join(lines)
-
-
-def _cells(measures: dict[str, Interval]) -> str:
-    cells = [_plus_minus(measures[k], *how) for k, (_, *how) in COLUMNS.items()]
-    return " ".join(f"{cell:{WIDTH}}" for cell in cells)
-
-
-def _plus_minus(found: Interval, scale: float, decimals: int) -> str:
-    if None in found:
-        return "-"
-    value, low, high = (scale * x for x in found)
-    return f"{value:.{decimals}f} ±{(high - low) / 2:.{decimals}f}"
 
 
 def agreement(rows: list[Row]) -> tuple[float, float]:
