@@ -31,6 +31,7 @@ RIGHT = {
     "10.1": 0.11384,
     "10.2": _paired,
     "10.3": _by_distance,
+    "10.4": (0.12942, 0.57069),
 }
 
 WRONG = [
@@ -43,4 +44,7 @@ WRONG = [
     ("10.3", _signed, "signed errors"),
     ("10.3", lambda e, edges, x: _by_distance(e, edges, x, cv2.DIST_L1), "steps, no distance"),
     ("10.3", lambda e, edges, x: np.cumsum(_by_distance(e, edges, x)), "added up"),
+    ("10.4", (0.15047, 0.57069), "sigma for the mean of |e|"),
+    ("10.4", (0.12942, 0.3257), "squares not rooted"),
+    ("10.4", (0.07979, 0.1), "without the orders"),
 ]

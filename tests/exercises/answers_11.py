@@ -24,6 +24,7 @@ RIGHT = {
     "11.1": _tau,
     "11.2": lambda I0, I1, A: np.angle((I0 - A) + 1j * (A - I1)),
     "11.3": _sharpness,
+    "11.4": 20 / 36,
 }
 
 WRONG = [
@@ -41,4 +42,7 @@ WRONG = [
         lambda found, true: np.sum(np.diff(found) ** 2) / np.sum(np.diff(true) ** 2),
         "slopes",
     ),
+    ("11.4", 0.5, "p = 0.075"),
+    ("11.4", 16 / 36, "one-sided"),
+    ("11.4", 0.6667, "Spearman's"),
 ]

@@ -12,6 +12,7 @@ RIGHT = {
     "9.1": 0.005854,
     "9.2": 147.95,
     "9.3": _loss,
+    "9.4": (0.12649, 0.07303),
 }
 
 WRONG = [
@@ -24,4 +25,7 @@ WRONG = [
     ("9.3", lambda a, b: np.mean((np.diff(a, axis=0) - np.diff(b, axis=0)) ** 2), "not around"),
     ("9.3", lambda a, b: np.mean((a - b) ** 2), "photographs, not differences"),
     ("9.3", lambda a, b: np.sum((a - b - np.roll(a - b, 1, 0)) ** 2), "the sum"),
+    ("9.4", (0.2, 0.2), "noise over modulation"),
+    ("9.4", (0.08944, 0.05164), "sqrt(1 / N)"),
+    ("9.4", (0.07303, 0.12649), "swapped"),
 ]

@@ -38,3 +38,11 @@ def errors_by_distance(answer) -> bool:
         for a, b in zip(limits, limits[1:], strict=False)
     ]
     return close(answer(e, edges, limits), expected)
+
+
+@exercise("10.4", "A mean of two kinds of pixels, and the root of a mean of squares of both.")
+def what_orders_cost(answer) -> bool:
+    wrong, sigma = 0.008, 0.1
+    mae = (1 - wrong) * sigma * math.sqrt(2 / math.pi) + wrong * 2 * math.pi
+    rmse = math.sqrt((1 - wrong) * sigma**2 + wrong * (2 * math.pi) ** 2)
+    return close(answer, (mae, rmse))

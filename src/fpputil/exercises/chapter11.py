@@ -33,3 +33,13 @@ def roundness(answer) -> bool:
     found = np.convolve(np.pad(true, 2, mode="edge"), kernel, mode="valid")
     bent, expected = np.diff(true, 2), np.diff(found, 2)
     return close(answer(found, true), (expected @ bent) / (bent @ bent))
+
+
+@exercise("11.4", "Count the orders of nine rows by how many pairs are turned round.")
+def least_agreement(answer) -> bool:
+    counts = np.ones(1)  # orders of one row by number of pairs turned round
+    for rows in range(2, 10):
+        counts = np.convolve(counts, np.ones(rows))
+    tail = 2 * np.cumsum(counts) / counts.sum()
+    turned = np.flatnonzero(tail < 0.05)[-1]
+    return close(answer, 1 - 2 * turned / 36)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy.special import erfc
 
+from fpputil.decoding.noise import phase_sigma
 from fpputil.exercises import close, exercise
 
 
@@ -25,3 +26,8 @@ def loss_of_steps(answer) -> bool:
     found, true = np.random.default_rng(0).random((2, 5, 3, 4))
     expected = np.mean([(found[n] - found[n - 1] - true[n] + true[n - 1]) ** 2 for n in range(5)])
     return close(answer(found, true), expected)
+
+
+@exercise("9.4", "sqrt(2 / N) sigma / B of chapter 3, with the errors of the made photographs.")
+def phase_of_made_photographs(answer) -> bool:
+    return close(answer, (phase_sigma(10, 50, 5), phase_sigma(10, 50, 15)))
