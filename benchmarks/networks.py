@@ -15,6 +15,7 @@ from fpputil.learning.devices import PRECISIONS, bfloat16_unit, forward
 from fpputil.learning.evaluation import measure
 from fpputil.learning.generate import generate
 from fpputil.learning.methods import SFNetMethod
+from fpputil.learning.networks.unet import lowered
 from fpputil.learning.plan import seeded_models
 from fpputil.learning.rig import Rig
 from fpputil.learning.synthfringe import SynthFringe
@@ -64,11 +65,11 @@ def bench_measuring(base: int = 16, repeats: int = 7) -> dict:
     rig = Rig.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
     method = SFNetMethod(base=base)
     network = method.network().to(memory_format=torch.channels_last).eval()
-    trained = Trained(method, network)
+    trained = [Trained(method, lowered(network, dtype)) for dtype in PRECISIONS.values()]
     two = np.random.default_rng(0).random((1, 2, 480, 640), np.float32)
     many = np.random.default_rng(0).integers(0, 255, (45, 480, 640), np.uint8)
     fringes = fringe_set(p.descending)
-    ways = [lambda k=k: measure(trained, two, rig, k) for k in PRECISIONS]
+    ways = [lambda t=t: measure(t, two, rig) for t in trained]
     single, half, classical = median_seconds(
         *ways, lambda: decode(many, fringes, 912), repeats=repeats
     )

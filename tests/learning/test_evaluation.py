@@ -143,6 +143,17 @@ def test_measure_is_network_and_method(small_set, about):
     assert 0 < off.mean() < 0.02
 
 
+def test_predictions_in_sixteen_bit_are_near_and_leave_the_network_in_float32(small_set, about):
+    trained = Trained(METHOD, network(), about)
+    data = open_split(trained, small_set, "test")
+    views = {"views": [0, 1]}
+    exact = [m.phi_h for _, m in predictions(trained, data, **views)]
+    lower = [m.phi_h for _, m in predictions(trained, data, precision="bfloat16", **views)]
+    assert all(p.dtype == torch.float32 for p in trained.network.parameters())
+    off = np.abs(np.angle(np.exp(1j * (np.array(lower) - np.array(exact)))))
+    assert 0 < off.mean() < 0.02
+
+
 @pytest.mark.parametrize("wild", [math.nan, math.inf])
 def test_photographs_that_are_not_finite_are_named(small_set, about, wild):
     trained = Trained(METHOD, network(), about)

@@ -6,8 +6,9 @@ import pytest
 import torch
 from torch import nn
 
+from fpputil.learning.devices import forward
 from fpputil.learning.networks.sfnet import MIXING, SFNet
-from fpputil.learning.networks.unet import Encoder, padded
+from fpputil.learning.networks.unet import Encoder, lowered, padded
 
 
 def sfnet(seed=0, **options):
@@ -155,6 +156,22 @@ def test_outputs_are_float32_under_bfloat16_and_near_those_of_float32():
     assert seen[0][0].dtype == seen[0][1].dtype == torch.float32
     exact = network(frames)
     assert 0 < (lower - exact).abs().max() < 0.05 * exact.abs().max()
+
+
+def test_a_lowered_network_measures_like_autocast_and_leaves_the_first_as_it_was():
+    network, frames = sfnet(base=4), photographs(1, 2, 16, 16)
+    lower = lowered(network, torch.bfloat16)
+    kept = {k for k, v in lower.state_dict().items() if v.dtype == torch.float32}
+    ends = ("weight", "bias")
+    assert kept == {f"decoders.{k}.out.{end}" for k in range(2) for end in ends}
+    assert all(p.dtype == torch.float32 for p in network.parameters())
+    with torch.no_grad():
+        cast, own = forward(network, frames, "bfloat16"), forward(lower, frames, "float32")
+        exact = forward(network, frames, "float32")
+        assert torch.equal(forward(lower, frames, "bfloat16"), own)
+    assert own.dtype == torch.float32
+    assert 0 < (own - exact).abs().max() < 0.05 * exact.abs().max()
+    assert (own - cast).abs().max() < 0.02 * exact.abs().max()
 
 
 def test_every_parameter_gets_a_gradient():

@@ -87,9 +87,14 @@ def hardware(device: torch.device) -> dict:
 
 
 def forward(network: nn.Module, frames: Tensor, precision: str) -> Tensor:
-    """Outputs of photographs (B, F, H, W), channels last and in `precision` on the way."""
-    with autocast(frames.device, precision):
-        return network(frames.contiguous(memory_format=torch.channels_last))
+    """Outputs of photographs (B, F, H, W), channels last and in `precision` on the way.
+
+    A network that is `lowered` stays in the precision of its weights.
+    """
+    weights = next(network.parameters()).dtype
+    frames = frames.to(weights, memory_format=torch.channels_last)
+    with autocast(frames.device, precision if weights is torch.float32 else "float32"):
+        return network(frames)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,10 @@ from tqdm.std import tqdm
 from fpputil.decoding.depth import column, save_ply, triangulate
 from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.batches import closing, processes
-from fpputil.learning.devices import device_of, forward, precision_of
+from fpputil.learning.devices import PRECISIONS, device_of, forward, precision_of
 from fpputil.learning.methods.frames import true_second
 from fpputil.learning.metrics import Score, errors
+from fpputil.learning.networks.unet import lowered
 from fpputil.learning.rig import Rig
 from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained
@@ -139,7 +140,9 @@ def predictions(
     where = device_of(device)
     precision = precision_of(precision, where)
     rig = Rig.of(data.store.system, data.pitches, data.extremes).to(where)
-    trained.network.to(where, memory_format=torch.channels_last)
+    network = trained.network.to(where, memory_format=torch.channels_last)
+    if precision != "float32":
+        trained = replace(trained, network=lowered(network, PRECISIONS[precision]))
     chosen = data if views is None else Subset(data, views)
     loader = DataLoader(chosen, BATCH, **processes(workers))
     bar = tqdm(total=len(chosen), unit="view", disable=not progress, leave=False)

@@ -88,10 +88,17 @@ class SFNet(nn.Module):
             encoder(part)
             for encoder, part in zip(self.encoders, room.split(self.frames, 1), strict=True)
         ]
-        joined = [torch.cat(pair, 1) for pair in zip(*pyramids, strict=True)]
+        joined = [
+            torch.cat(pair, 1) if self._mixed(k) else None
+            for k, pair in enumerate(zip(*pyramids, strict=True))
+        ]
         outputs = []
         for decoder, own in zip(self.decoders, pyramids, strict=True):
-            deepest = own[-1] if self.mixing == "none" else joined[-1]
-            skips = joined if self.mixing == "every level" else own
-            outputs.append(decoder(self.dropout(deepest), skips[:-1]))
+            *skips, deepest = (o if j is None else j for o, j in zip(own, joined, strict=True))
+            outputs.append(decoder(self.dropout(deepest), skips))
         return torch.stack(outputs, 1)[..., :height, :width]
+
+    def _mixed(self, level: int) -> bool:
+        """Whether both decoders see the features of both encoders at a level."""
+        deepest = level == len(self.encoders[0].levels) - 1
+        return self.mixing == "every level" or (self.mixing == "deepest" and deepest)
