@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import re
 import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
 
@@ -67,3 +70,45 @@ def write_whole(path: str | os.PathLike, data: bytes) -> None:
         raise OSError(error.errno, f"{error.strerror}, writing {path}") from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def folder_whole(path: str | os.PathLike, force: bool = False) -> Iterator[Path]:
+    """A folder to fill, which takes its name only when all is in it.
+
+    Parameters
+    ----------
+    path : path
+        New, or empty.
+    force : bool
+        Take the place of a folder that is not empty.
+
+    Yields
+    ------
+    Path
+        Where to write; gone if anything fails, with what was at `path` left as it was.
+
+    Raises
+    ------
+    ValueError
+        If there is something at `path` and no force, or it is no folder.
+    """
+    path = Path(path)
+    room = path.absolute().parent
+    if not room.is_dir():
+        raise FileNotFoundError(f"{path} given; its folder {room} does not exist")
+    if path.is_symlink() or (path.exists() and not path.is_dir()):
+        raise ValueError(f"{path} is no folder; a new one is needed")
+    if not force and path.exists() and any(path.iterdir()):
+        raise ValueError(f"{path} is not empty; name another folder, or use --force")
+    partial = room / f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part"
+    try:
+        partial.mkdir()
+        yield partial
+        old = partial.with_suffix(".old")
+        if path.exists():
+            os.replace(path, old)
+        os.replace(partial, path)
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)

@@ -7,6 +7,7 @@ projector pixels. All but `nt_tpu` and `spatial` work on NumPy arrays and torch 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from array_api_compat import array_namespace
@@ -142,24 +143,50 @@ def mw_tpu(phis, pitches, width: float):
         If the numbers differ, the pitches do not ascend, or their last beat does not cover
         the projector.
     """
+    return by_beats(phis, pitches, width)[0].Phis
+
+
+class Level(NamedTuple):
+    """Phases of one level of beats.
+
+    Parameters
+    ----------
+    pitches : list of float
+        Ascending.
+    Phis : list of (...) arrays
+        Absolute phases, radians.
+    parents : list of int
+        Of each the number j of the phase of the level before, whose difference from number
+        j + 1 it is; empty at the first level.
+    """
+
+    pitches: list[float]
+    Phis: list
+    parents: list[int]
+
+
+def by_beats(phis, pitches, width: float) -> list[Level]:
+    """Multi-wavelength unwrapping with all its beats: as `mw_tpu`, level by level. Chapter 4."""
     check_pitches(phis, pitches, "ascend")
     try:
-        return _by_beats(phis, pitches, width)
+        return _levels(phis, list(pitches), width, [])
     except ValueError as error:
         raise ValueError(f"pitches {list(pitches)} given; of their beats: {error}") from error
 
 
-def _by_beats(phis, pitches, width):
+def _levels(phis, pitches, width, parents) -> list[Level]:
     check_pitches(phis, pitches, "ascend")
     if len(phis) == 1:
-        return [unit_phase(phis[0], pitches[0], width)]
+        return [Level(pitches, [unit_phase(phis[0], pitches[0], width)], parents)]
     beats = [beat(a, b) for a, b in zip(pitches, pitches[1:], strict=False)]
-    order = np.argsort(beats)
+    order = np.argsort(beats).tolist()
     differences = [wrap(phis[j] - phis[j + 1]) for j in order]
-    coarse = _by_beats(differences, [beats[j] for j in order], width)
-    ref, Phi_ref = beats[order[0]], coarse[0]  # the shortest beat carries the least noise
+    coarser = _levels(differences, [beats[j] for j in order], width, order)
+    # Of the beats the shortest carries the least noise.
+    ref, Phi_ref = coarser[0].pitches[0], coarser[0].Phis[0]
     pairs = zip(phis, pitches, strict=True)
-    return [absolute(phi, fringe_order(phi, Phi_ref, ref / pitch)) for phi, pitch in pairs]
+    Phis = [absolute(phi, fringe_order(phi, Phi_ref, ref / pitch)) for phi, pitch in pairs]
+    return [Level(pitches, Phis, parents), *coarser]
 
 
 def nt_tpu(phis, pitches, width: int):

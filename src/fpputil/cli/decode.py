@@ -1,0 +1,154 @@
+"""`fpp decode`: a folder of photographs to phases, depth and points (chapter 12)."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+from fpputil.cli.patterns import add_fringes, chosen, size
+
+
+def add_to(commands) -> None:
+    """Add the command to those of `fpp`."""
+    decode = commands.add_parser(
+        "decode",
+        help="decode a folder of photographs",
+        description="Writes decoded.npz, 16-bit TIFF files, report.html and summary.json, with "
+        "--system also points.ply and the depth. If the capture is wrong in a way that would give "
+        "wrong phases (direction of the shift, swapped or missing photographs, a saturated "
+        "projector ...), only report and summary are written, and the exit code is 1.",
+    )
+    decode.add_argument("folder", metavar="FOLDER", type=Path)
+    decode.add_argument("--out", type=Path, metavar="OUT",
+                        help="new folder (default FOLDER-decoded)")  # fmt: skip
+    decode.add_argument("--system", metavar="S", help="a calibrated system, for millimetres")
+    decode.add_argument("--power", default="auto", metavar="G",
+                        help="raise the grey levels to it, to make the response linear (default "
+                        "auto: estimated where a pitch has five steps, else 1)")  # fmt: skip
+    decode.add_argument("--threshold", type=float, default=8.0,
+                        help="least modulation, grey levels of 255 (default 8)")  # fmt: skip
+    decode.add_argument("--noise", type=float, help="grey levels of 255 (default: estimated)")
+    decode.add_argument("--full", type=float,
+                        help="grey level of a saturated pixel (default 255 or 65535)")  # fmt: skip
+    decode.add_argument("--accept", action="store_true", help="write phases all the same")
+    decode.add_argument("--no-report", action="store_true", help="no report.html")
+    decode.add_argument("--no-pictures", action="store_true", help="no TIFF files")
+    decode.add_argument("--force", action="store_true", help="replace OUT")
+    decode.add_argument("--json", action="store_true", help="print summary.json")
+    _patterns(decode)
+    decode.set_defaults(run=_decode, go_on="nothing was written")
+
+
+def _patterns(decode) -> None:
+    given = decode.add_argument_group(
+        "patterns", "what was projected, if FOLDER holds no patterns.toml"
+    )
+    given.add_argument("--patterns", type=Path, metavar="FILE", help="a pattern file elsewhere")
+    given.add_argument("--files", metavar="NAMES",
+                       help="names of the photographs, as '{axis}-{pitch}-{step:02}.png', or "
+                       "'*.png' in order of time")  # fmt: skip
+    given.add_argument("--projector", type=size, default=(912, 1140), metavar="WxH",
+                       help="pixels (default 912x1140)")  # fmt: skip
+    given.add_argument("--first", type=int, default=0, help="number of the first step in a name")
+    given.add_argument("--order", default="fringe", help="fringe (default) or step comes first")
+    given.add_argument("--white", default="", metavar="NAME", help="photograph in plain light")
+    given.add_argument("--black", default="", metavar="NAME", help="photograph in no light")
+    add_fringes(given)
+
+
+def _decode(options) -> int:
+    from tqdm.std import tqdm
+
+    from fpputil.checks import folder_whole, positive
+    from fpputil.decoding.capture import open_capture
+    from fpputil.decoding.doubts import doubts
+    from fpputil.decoding.scan import scan
+    from fpputil.optics.photograph import system_of
+
+    start = time.perf_counter()
+    power = None if options.power == "auto" else positive("power", _number(options.power))
+    system = None if options.system is None else system_of(options.system)
+    capture = open_capture(options.folder, _given(options), options.full)
+    out = options.out or options.folder.with_name(f"{options.folder.absolute().name}-decoded")
+    how = {"threshold": options.threshold, "power": power, "noise": options.noise}
+    with folder_whole(out, options.force) as folder:
+        total = sum(f.steps for f in capture.patterns.fringes)
+        with tqdm(total=total, unit="photo", leave=False, disable=options.json) as bar:
+            scans = [scan(capture, axis, system=system, each=bar.update, **how)
+                     for axis in capture.patterns.axes]  # fmt: skip
+        found = [d for s in scans for d in doubts(s, capture)]
+        wrong = any(d.severe for d in found) and not options.accept
+        about = _write(folder, options, capture, scans, found, None if wrong else system, wrong)
+        about["seconds"] = round(time.perf_counter() - start, 2)
+        (folder / "summary.json").write_text(json.dumps(about, indent=1) + "\n")
+    _say(options, out, about, found)
+    return 1 if wrong else 0
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"power {text!r} given; a positive number or auto is needed") from None
+
+
+def _given(options):
+    """Patterns named on the command line, of a file, or None for the folder's own."""
+    from fpputil.optics.patterns import Patterns
+
+    if options.patterns is not None and options.files is not None:
+        raise ValueError("--patterns and --files given; one of them names the photographs")
+    if options.patterns is not None:
+        return Patterns.load(options.patterns)
+    if options.files is None:
+        return None
+    names = {k: getattr(options, k) for k in ("files", "first", "order", "white", "black")}
+    return chosen(options, **names)
+
+
+def _write(folder, options, capture, scans, found, system, wrong) -> dict:
+    """Write all products of a decoding; returns what summary.json says."""
+    from fpputil.decoding import products
+    from fpputil.report import figures, page
+
+    about = {
+        "decoded": not wrong,
+        "doubts": [d._asdict() for d in found],
+        "numbers": {s.axis: figures(s) for s in scans},
+    }
+    depth = None
+    if not wrong:
+        arrays = {k: v for s in scans for k, v in products.arrays(s).items()}
+        vertical = [s for s in scans if s.axis == "column"]
+        if system is not None and vertical:
+            points, depth, sigma = products.measure(vertical[0], system)
+            white = capture.plain(0)
+            grey = vertical[0].average if white is None else white * capture.scale
+            about["points"] = products.save_points(folder / "points.ply", points, grey, sigma)
+            arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
+        products.save_arrays(folder / "decoded.npz", arrays)
+        if not options.no_pictures:
+            about["tiff"] = products.save_pictures(folder, arrays)
+    if not options.no_report:
+        title = f"Decoding of {options.folder.absolute().name}"
+        (folder / "report.html").write_text(page(title, scans, found, depth))
+    return about
+
+
+def _say(options, out, about, found) -> None:
+    if options.json:
+        print(json.dumps(about))
+        return
+    for axis, numbers in about["numbers"].items():
+        print(f"{axis}s: {numbers['pixels in the mask']} in the mask, uncertainty "
+              f"{numbers['uncertainty of the phase, median']} (median)")  # fmt: skip
+    for doubt in found:
+        kind = "error" if doubt.severe else "note"
+        print(f"{kind}: {doubt.found}; {doubt.remedy}", file=sys.stderr)
+    if "points" in about:
+        print(f"{about['points']} points in {out / 'points.ply'}")
+    if not about["decoded"]:
+        print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
+    print(f"written to {out}")

@@ -1,0 +1,121 @@
+"""`fpp render`: photographs of a mesh under the patterns, by the virtual system (chapter 12)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from fpputil.cli.patterns import size
+
+
+def add_to(commands) -> None:
+    """Add the command to those of `fpp`."""
+    render = commands.add_parser(
+        "render",
+        help="photograph a mesh with the virtual system",
+        description="What a camera would see of the patterns on a body, as PNG files that `fpp "
+        "decode` reads, with system.json and truth.npz (column, row, depth, mask).",
+    )
+    render.add_argument("out", metavar="OUT", type=Path, help="new folder")
+    render.add_argument("--patterns", type=Path, required=True, metavar="FILE",
+                        help="patterns.toml of `fpp patterns`")  # fmt: skip
+    render.add_argument("--system", default="paper", metavar="S",
+                        help="tiny, small, paper (default) or a system file")  # fmt: skip
+    body = render.add_mutually_exclusive_group(required=True)
+    body.add_argument("--mesh", type=Path, metavar="FILE", help="STL, OBJ, PLY, OFF, GLB ...")
+    body.add_argument("--part", type=int, metavar="SEED", help="a machine part from a seed")
+    body.add_argument("--sphere", type=float, metavar="R", help="a sphere of radius R mm")
+    body.add_argument("--board", type=size, metavar="CxR",
+                      help="a calibration board of C x R points, one folder a pose")  # fmt: skip
+    render.add_argument("--size", type=float, metavar="MM",
+                        help="scale mesh or part to a ball of this diameter")  # fmt: skip
+    render.add_argument("--distance", type=float, default=660.0, metavar="MM",
+                        help="of its middle from the camera (default 660)")  # fmt: skip
+    render.add_argument("--turn", type=float, nargs=2, default=(0.0, 0.0), metavar=("Y", "Z"),
+                        help="degrees about the paper's y and z axes")  # fmt: skip
+    render.add_argument("--square", type=float, default=25.0, help="of the board, mm (default 25)")
+    render.add_argument("--kind", default="chessboard", help="chessboard, charuco or circles")
+    render.add_argument("--poses", type=int, default=12, help="of the board (default 12)")
+    _camera(render)
+    render.add_argument("--force", action="store_true", help="replace OUT")
+    render.add_argument("--json", action="store_true", help="print one JSON object")
+    render.set_defaults(run=_render, go_on="nothing was written")
+
+
+def _camera(render) -> None:
+    render.add_argument("--noise", type=float, default=1.0, help="grey levels (default 1)")
+    render.add_argument("--gain", type=float, default=1.0, help="exposure (default 1)")
+    render.add_argument("--ambient", type=float, default=0.0, help="other light, grey levels")
+    render.add_argument("--gamma", type=float, default=1.0, help="the camera's response")
+    render.add_argument("--projector-gamma", type=float, default=1.0, metavar="G",
+                        help="the projector's response")  # fmt: skip
+    render.add_argument("--supersample", type=int, default=2, metavar="S",
+                        help="S x S rays a pixel (default 2)")  # fmt: skip
+    render.add_argument("--seed", type=int, default=0, help="of noise and poses (default 0)")
+
+
+def _render(options) -> None:
+    from fpputil.checks import folder_whole
+    from fpputil.optics.patterns import Patterns
+    from fpputil.optics.photograph import system_of
+
+    patterns = Patterns.load(options.patterns)
+    system = system_of(options.system)
+    with folder_whole(options.out, options.force) as folder:
+        bodies = list(_bodies(options, system))
+        for name, mesh, albedo in bodies:
+            if name:
+                (folder / name).mkdir()
+            _photograph(options, folder / name, patterns, system, mesh, albedo)
+        system.save(folder / "system.json")
+    shots = len(patterns.shots())
+    found = {"folder": str(options.out), "scenes": len(bodies), "photographs": shots * len(bodies)}
+    if options.json:
+        print(json.dumps(found))
+    else:
+        print(f"{found['photographs']} photographs of {len(bodies)} scene(s) in {options.out}")
+
+
+def _bodies(options, system):
+    """Name of the folder, mesh and albedo of each scene."""
+    import numpy as np
+
+    from fpputil.optics import shapes
+    from fpputil.optics.meshes import load_mesh
+    from fpputil.optics.parts import part
+
+    centre = np.array([0, 0, options.distance]) - system.camera.t
+    turn = shapes.rotation(*options.turn)
+    if options.sphere is not None:
+        yield "", shapes.sphere(options.sphere, centre), 0.9
+    elif options.board is None:
+        mesh = part(options.part) if options.mesh is None else load_mesh(options.mesh)
+        yield "", shapes.place(mesh, options.size, centre, turn), 0.9
+    else:
+        yield from _boards(options, system)
+
+
+def _boards(options, system):
+    from fpputil.decoding.board import Board
+    from fpputil.optics.target import Target, board_poses
+
+    board = Board(*options.board, options.square, options.kind)
+    raise NotImplementedError(board, Target, board_poses, system)
+
+
+def _photograph(options, folder, patterns, system, mesh, albedo) -> None:
+    import cv2
+
+    from fpputil.checks import write_whole
+    from fpputil.optics.patterns import NAME
+    from fpputil.optics.photograph import photographs, save_truth
+    from fpputil.optics.raycast import raycast
+
+    view = raycast(mesh, system, albedo=albedo, supersample=options.supersample)
+    camera = {k: getattr(options, k) for k in ("noise", "gain", "ambient", "gamma")}
+    response = options.projector_gamma
+    for shot, frame in photographs(view, patterns, system, options.seed, response, **camera):
+        done, data = cv2.imencode(Path(shot.file).suffix, frame)
+        write_whole(folder / shot.file, data.tobytes())
+    patterns.save(folder / NAME)
+    save_truth(folder / "truth.npz", view)

@@ -1,0 +1,217 @@
+"""Camera, projector and all poses of a board in one least-squares fit (chapter 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+COUNTS = (0, 1, 2, 4, 5)  # of distortion coefficients that may be free, in OpenCV's order
+SURE = 1e-3  # pixels: no fit is weighted as if it were better
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """Points of a board at one pose, seen by camera and projector.
+
+    Parameters
+    ----------
+    points : (P, 3) array
+        In the board's frame, mm.
+    camera, projector : (P, 2) array
+        u, v, pixels.
+    """
+
+    points: np.ndarray
+    camera: np.ndarray
+    projector: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """What the joint fit found.
+
+    Parameters
+    ----------
+    lenses : (2, 9) array
+        fx, fy, cx, cy, k1, k2, p1, p2, k3 of camera and projector.
+    R, t : (3, 3) and (3,) array
+        Pose of the projector, mm: ``x_projector = R x_camera + t``.
+    poses : (N, 6) array
+        Rotation vector and translation, mm, of each board in the camera's frame.
+    errors : (2, N) array
+        RMS distance of each pose's points from their images, pixels.
+    sigma : dict of str to float
+        Standard deviations: "camera fx" to "projector k3" in pixels (k, p without unit),
+        "baseline" in mm.
+    """
+
+    lenses: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    poses: np.ndarray
+    errors: np.ndarray
+    sigma: dict[str, float]
+
+
+def zhang(seen: Sequence[Sighting], who: str, size: tuple[int, int], lens: int):
+    """One pinhole alone from a flat board at several poses (Zhang's method, OpenCV).
+
+    Parameters
+    ----------
+    seen : sequence of Sighting
+    who : {"camera", "projector"}
+    size : (width, height)
+        Pixels.
+    lens : int
+        Distortion coefficients that are free: 0, 1, 2, 4 or 5.
+
+    Returns
+    -------
+    lens : (9,) array
+        As in `Bundle`.
+    poses : (N, 6) array
+        Of the boards in the pinhole's frame.
+    rms : float
+        Of the distances, pixels.
+
+    Raises
+    ------
+    ValueError
+        If the poses do not determine a pinhole.
+    """
+    flags = (lens < 1) * cv2.CALIB_FIX_K1 | (lens < 2) * cv2.CALIB_FIX_K2
+    flags |= (lens < 4) * cv2.CALIB_ZERO_TANGENT_DIST | (lens < 5) * cv2.CALIB_FIX_K3
+    points = [s.points.astype(np.float32) for s in seen]
+    pixels = [getattr(s, who).astype(np.float32) for s in seen]
+    try:
+        rms, K, d, *turns = cv2.calibrateCamera(points, pixels, size, None, None, flags=flags)
+    except cv2.error as error:
+        raise ValueError(f"{len(seen)} poses given; {_need(who)} (OpenCV: {error.err})") from error
+    found = np.concatenate([K[(0, 1, 0, 1), (0, 1, 2, 2)], d.ravel()[:5]])
+    poses = np.concatenate([np.reshape(t, (-1, 3)) for t in turns[:2]], axis=1)
+    if not (np.isfinite(rms) and np.isfinite(found).all() and np.isfinite(poses).all()):
+        raise ValueError(f"{len(seen)} poses given; {_need(who)}")
+    return found, poses, rms
+
+
+def _need(who):
+    return f"they do not determine the {who}: tilt the board in several directions"
+
+
+def fit_bundle(
+    seen: Sequence[Sighting],
+    camera: tuple[int, int],
+    projector: tuple[int, int],
+    lens: int = 4,
+    projector_lens: int = 4,
+) -> Bundle:
+    """Fit both pinholes, the pose between them and all boards to all points at once. Chapter 12.
+
+    Each pinhole's residuals are weighted by the inverse of their RMS when it is fitted alone.
+
+    Parameters
+    ----------
+    seen : sequence of N Sighting
+    camera, projector : (width, height)
+        Pixels.
+    lens, projector_lens : int
+        Free distortion coefficients of each: the first 0, 1, 2, 4 or 5 of k1, k2, p1, p2, k3.
+
+    Raises
+    ------
+    ValueError
+        If the poses do not determine a pinhole, or a number of coefficients is unknown.
+    """
+    for count in (lens, projector_lens):
+        if count not in COUNTS:
+            raise ValueError(f"{count} distortion coefficients given; 0, 1, 2, 4 or 5 can be free")
+    alone = [
+        zhang(seen, who, size, count)
+        for who, size, count in (
+            ("camera", camera, lens),
+            ("projector", projector, projector_lens),
+        )
+    ]
+    start = np.concatenate([alone[0][0], alone[1][0], _between(*alone), alone[0][1].ravel()])
+    free = np.ones(len(start), bool)
+    free[4 + lens : 9] = free[13 + projector_lens : 18] = False
+    weights = 1 / np.maximum([a[2] for a in alone], SURE)
+
+    def residuals(x):
+        full = start.copy()
+        full[free] = x
+        return (_off(full, seen) * weights[:, None, None]).ravel()
+
+    fit = least_squares(residuals, start[free], method="lm", x_scale="jac")
+    x = start.copy()
+    x[free] = fit.x
+    return _bundle(x, seen, _covariance(fit, free))
+
+
+def _between(camera, projector):
+    """Rotation vector and translation from camera to projector, (6,), mean of all poses."""
+    of = [Rotation.from_rotvec(poses[:, :3]) for _, poses, _ in (camera, projector)]
+    R = (of[1] * of[0].inv()).mean()
+    t = np.median(projector[1][:, 3:] - R.apply(camera[1][:, 3:]), axis=0)
+    return np.concatenate([R.as_rotvec(), t])
+
+
+def _off(x, seen):
+    """Pixels by which all P points miss their images in camera and projector, (2, P, 2)."""
+    poses = x[24:].reshape(-1, 6)
+    local = np.concatenate(
+        [
+            s.points @ R.T + t
+            for s, R, t in zip(
+                seen, Rotation.from_rotvec(poses[:, :3]).as_matrix(), poses[:, 3:], strict=True
+            )
+        ]
+    )
+    lit = local @ Rotation.from_rotvec(x[18:21]).as_matrix().T + x[21:24]
+    measured = [np.concatenate([getattr(s, who) for s in seen]) for who in ("camera", "projector")]
+    return np.stack([_image(local, x[:9]), _image(lit, x[9:18])]) - measured
+
+
+def _image(local, lens):
+    fx, fy, cx, cy = lens[:4]
+    K, zero = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), np.zeros(3)
+    return cv2.projectPoints(local, zero, zero, K, lens[4:])[0].reshape(-1, 2)
+
+
+def _covariance(fit, free):
+    """Of all parameters; zero for those held fixed."""
+    scale = np.linalg.norm(fit.jac, axis=0)
+    J = fit.jac / np.where(scale > 0, scale, 1)
+    # Without the small ridge a direction that nothing determines would end the calculation.
+    inverse = np.linalg.inv(J.T @ J + 1e-13 * np.eye(len(scale))) / np.outer(scale, scale)
+    spare = max(1, fit.jac.shape[0] - fit.jac.shape[1])
+    full = np.zeros((len(free), len(free)))
+    full[np.ix_(free, free)] = inverse * (2 * fit.cost / spare)
+    return full
+
+
+def _bundle(x, seen, covariance) -> Bundle:
+    square = (_off(x, seen) ** 2).sum(axis=-1)
+    ends = np.cumsum([len(s.points) for s in seen])[:-1]
+    errors = [[np.sqrt(part.mean()) for part in np.split(each, ends)] for each in square]
+    t = x[21:24]
+    sigma = np.sqrt(np.diag(covariance)[:18])
+    along = t / np.linalg.norm(t)
+    names = [f"{who} {name}" for who in ("camera", "projector") for name in LENS]
+    return Bundle(
+        lenses=x[:18].reshape(2, 9),
+        R=Rotation.from_rotvec(x[18:21]).as_matrix(),
+        t=t,
+        poses=x[24:].reshape(-1, 6),
+        errors=np.array(errors),
+        sigma={
+            **dict(zip(names, sigma.tolist(), strict=True)),
+            "baseline": float(np.sqrt(along @ covariance[21:24, 21:24] @ along)),
+        },
+    )
