@@ -93,7 +93,11 @@ def _levels(ax, scan: Scan) -> None:
     for frames, fringe in zip(scan.sample, scan.fringes, strict=True):
         lit = np.ptp(frames, axis=0) > 2 * THRESHOLD
         ax.hist(
-            frames[:, lit].ravel(), 64, (0, 256), histtype="step", label=f"pitch {fringe.pitch:g}"
+            frames[:, lit].ravel(),
+            64,
+            range=(0, 256),
+            histtype="step",
+            label=f"pitch {fringe.pitch:g}",
         )
     ax.set(
         xlabel="grey level", title="grey levels where fringes are seen", yticks=[], xlim=(0, 256)
@@ -103,7 +107,7 @@ def _levels(ax, scan: Scan) -> None:
 
 def _modulations(ax, scan: Scan) -> None:
     for B, fringe in zip(scan.modulation, scan.fringes, strict=True):
-        ax.hist(B.ravel(), 64, (0, 128), histtype="step", label=f"pitch {fringe.pitch:g}")
+        ax.hist(B.ravel(), 64, range=(0, 128), histtype="step", label=f"pitch {fringe.pitch:g}")
     ax.set(xlabel="modulation, grey levels", title="modulation", yscale="log", xlim=(0, 128))
     ax.legend(fontsize=7)
 

@@ -6,7 +6,18 @@ import argparse
 import errno
 import sys
 
-from fpputil.cli import dataset, decode, evaluate, patterns, predict, render, results, system, train
+from fpputil.cli import (
+    calibrate,
+    dataset,
+    decode,
+    evaluate,
+    patterns,
+    predict,
+    render,
+    results,
+    system,
+    train,
+)
 
 EPILOG = """exit codes: 0 done, 1 something is wrong with what was given or found, 2 wrong usage,
 130 stopped by Ctrl-C or SIGTERM"""
@@ -34,6 +45,17 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("fpp", description=__doc__, epilog=EPILOG)
     parser.set_defaults(go_on="the same command goes on from here")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for part in (system, patterns, render, decode, dataset, train, evaluate, predict, results):
+    for part in (
+        patterns,
+        render,
+        decode,
+        calibrate,
+        system,
+        dataset,
+        train,
+        evaluate,
+        predict,
+        results,
+    ):
         part.add_to(commands)
     return parser

@@ -7,6 +7,9 @@ from pathlib import Path
 
 from fpputil.cli.patterns import size
 
+SEEDS = 100_000  # between the noise of one scene and that of the next
+PIXELS = 40  # of the picture of a board, to a square
+
 
 def add_to(commands) -> None:
     """Add the command to those of `fpp`."""
@@ -33,13 +36,20 @@ def add_to(commands) -> None:
                         help="of its middle from the camera (default 660)")  # fmt: skip
     render.add_argument("--turn", type=float, nargs=2, default=(0.0, 0.0), metavar=("Y", "Z"),
                         help="degrees about the paper's y and z axes")  # fmt: skip
-    render.add_argument("--square", type=float, default=25.0, help="of the board, mm (default 25)")
-    render.add_argument("--kind", default="chessboard", help="chessboard, charuco or circles")
+    add_board(render)
     render.add_argument("--poses", type=int, default=12, help="of the board (default 12)")
     _camera(render)
     render.add_argument("--force", action="store_true", help="replace OUT")
     render.add_argument("--json", action="store_true", help="print one JSON object")
     render.set_defaults(run=_render, go_on="nothing was written")
+
+
+def add_board(parser) -> None:
+    """Add the options that tell what a board is like."""
+    parser.add_argument("--square", type=float, default=25.0, metavar="MM",
+                        help="distance of the board's points (default 25)")  # fmt: skip
+    parser.add_argument("--kind", default="chessboard",
+                        help="chessboard (default; inner corners), charuco or circles")  # fmt: skip
 
 
 def _camera(render) -> None:
@@ -62,18 +72,19 @@ def _render(options) -> None:
     patterns = Patterns.load(options.patterns)
     system = system_of(options.system)
     with folder_whole(options.out, options.force) as folder:
-        bodies = list(_bodies(options, system))
-        for name, mesh, albedo in bodies:
+        scenes = 0
+        for number, (name, mesh, albedo) in enumerate(_bodies(options, system)):
             if name:
                 (folder / name).mkdir()
-            _photograph(options, folder / name, patterns, system, mesh, albedo)
+            _photograph(options, number, folder / name, patterns, system, mesh, albedo)
+            scenes += 1
         system.save(folder / "system.json")
     shots = len(patterns.shots())
-    found = {"folder": str(options.out), "scenes": len(bodies), "photographs": shots * len(bodies)}
+    found = {"folder": str(options.out), "scenes": scenes, "photographs": shots * scenes}
     if options.json:
         print(json.dumps(found))
     else:
-        print(f"{found['photographs']} photographs of {len(bodies)} scene(s) in {options.out}")
+        print(f"{found['photographs']} photographs of {scenes} scene(s) in {options.out}")
 
 
 def _bodies(options, system):
@@ -96,14 +107,20 @@ def _bodies(options, system):
 
 
 def _boards(options, system):
+    from fpputil.checks import whole
     from fpputil.decoding.board import Board
     from fpputil.optics.target import Target, board_poses
 
     board = Board(*options.board, options.square, options.kind)
-    raise NotImplementedError(board, Target, board_poses, system)
+    picture = board.picture(PIXELS)
+    width = picture.shape[1] * board.square / PIXELS
+    poses = board_poses(whole("poses", options.poses, 1), options.seed, system, board.size)
+    for k, (R, t) in enumerate(poses):
+        target = Target(picture, width, R, t)
+        yield f"pose-{k:02}", target.mesh, target.albedo
 
 
-def _photograph(options, folder, patterns, system, mesh, albedo) -> None:
+def _photograph(options, number, folder, patterns, system, mesh, albedo) -> None:
     import cv2
 
     from fpputil.checks import write_whole
@@ -113,8 +130,8 @@ def _photograph(options, folder, patterns, system, mesh, albedo) -> None:
 
     view = raycast(mesh, system, albedo=albedo, supersample=options.supersample)
     camera = {k: getattr(options, k) for k in ("noise", "gain", "ambient", "gamma")}
-    response = options.projector_gamma
-    for shot, frame in photographs(view, patterns, system, options.seed, response, **camera):
+    response, seed = options.projector_gamma, options.seed + SEEDS * number
+    for shot, frame in photographs(view, patterns, system, seed, response, **camera):
         done, data = cv2.imencode(Path(shot.file).suffix, frame)
         write_whole(folder / shot.file, data.tobytes())
     patterns.save(folder / NAME)
