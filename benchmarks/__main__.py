@@ -19,7 +19,7 @@ import numba
 import numpy as np
 import trimesh
 
-from benchmarks import cycles, loading, networks, rivals
+from benchmarks import captures, cycles, loading, networks, rivals
 from benchmarks.timing import median_seconds
 from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
@@ -163,6 +163,7 @@ def comparisons(peer: str | None) -> dict:
         "training step tiny": networks.bench_training,
         "measuring 640x480": networks.bench_measuring,
         "methods 640x480": rivals.bench_rivals,
+        "capture of 60 files, 1920x1200": captures.bench_captures,
     }
     if blender_works():
         found[cycles.TITLE] = cycles.bench_cycles

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from fpputil import plotting
 from fpputil.decoding.doubts import Doubt
+from fpputil.decoding.marking import Reason
 from fpputil.decoding.phase import THRESHOLD
-from fpputil.decoding.quality import Reason
 from fpputil.decoding.scan import Scan
 
 PIXELS = 480  # of the longer side of a picture on the page
@@ -28,6 +28,7 @@ REASONS = {
     Reason.UNSURE: ("order unsure", "#d63031"),
     Reason.OUTSIDE: ("outside", "#00b894"),
 }
+SUSPECTS = ListedColormap([colour for _, colour in REASONS.values()])
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem}
 table{border-collapse:collapse;margin:1rem 0}td,th{text-align:left;padding:.2rem 1.2rem .2rem 0}
 img{max-width:100%}.severe{color:#b30000}.fine{color:#1e7d32}"""
@@ -113,8 +114,7 @@ def _modulations(ax, scan: Scan) -> None:
 
 
 def _suspects(ax, reason) -> None:
-    colours = ListedColormap([colour for _, colour in REASONS.values()])
-    shown = ax.imshow(reason, cmap=colours, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
+    shown = ax.imshow(reason, cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
     bar = ax.figure.colorbar(shown, ax=ax, ticks=range(7), fraction=0.046, pad=0.03)
     bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
     ax.set(xticks=[], yticks=[], title="why a pixel is left out")

@@ -143,7 +143,9 @@ def test_light_that_does_not_suit_is_named(told, camera, expected):
 
 
 def test_a_response_that_is_left_as_it_is_is_named(told):
-    assert told(power=1.0, gamma=0.7) == {"response": False}
+    few = Patterns(PROJECTOR, fringe_set((912, 114, 18), (8, 8, 3)))
+    assert told(few, gamma=0.7) == {}
+    assert told(few, power=1.0, gamma=0.7) == {"response": False}
 
 
 @pytest.mark.parametrize("level", [0, 200])

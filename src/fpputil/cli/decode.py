@@ -26,7 +26,8 @@ def add_to(commands) -> None:
     decode.add_argument("--system", metavar="S", help="a calibrated system, for millimetres")
     decode.add_argument("--power", default="auto", metavar="G",
                         help="raise the grey levels to it, to make the response linear (default "
-                        "auto: estimated where a pitch has five steps, else 1)")  # fmt: skip
+                        "auto: where some pitch has fewer than five steps and another one tells "
+                        "it)")  # fmt: skip
     decode.add_argument("--threshold", type=float, default=8.0,
                         help="least modulation, grey levels of 255 (default 8)")  # fmt: skip
     decode.add_argument("--noise", type=float, help="grey levels of 255 (default: estimated)")
@@ -75,7 +76,7 @@ def _decode(options) -> int:
     how = {"threshold": options.threshold, "power": power, "noise": options.noise}
     with folder_whole(out, options.force) as folder:
         total = sum(f.steps for f in capture.patterns.fringes)
-        with tqdm(total=total, unit="photo", leave=False, disable=options.json) as bar:
+        with tqdm(total=total, unit="photo", leave=False, disable=options.json or None) as bar:
             scans = [scan(capture, axis, system=system, each=bar.update, **how)
                      for axis in capture.patterns.axes]  # fmt: skip
         found = [d for s in scans for d in doubts(s, capture)]

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from fpputil.decoding.capture import Capture
-from fpputil.decoding.quality import Reason
+from fpputil.decoding.marking import Reason
 from fpputil.decoding.response import LEAST_STEPS, harmonic, linear
 from fpputil.decoding.scan import Scan
 from fpputil.decoding.steps import exchanged, misfits, strong
@@ -213,6 +213,9 @@ def _projector(scan, capture) -> Iterator[Doubt]:
 
 
 def _response(scan, capture) -> Iterator[Doubt]:
+    """A second harmonic, where a pitch has too few steps for it to fall out."""
+    if min(f.steps for f in scan.fringes) >= LEAST_STEPS:
+        return
     for frames in scan.sample:
         frames = linear(frames, scan.power)
         if len(frames) < LEAST_STEPS:

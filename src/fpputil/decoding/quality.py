@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 import cv2
 import numpy as np
 from scipy.special import chdtr, chdtri
 
-from fpputil.decoding.noise import phase_sigma
+from fpputil.decoding.marking import Reason, compared, look, mark_unsteady
 from fpputil.decoding.stream import Sums
 from fpputil.decoding.unwrap import TWO_PI, Level, guard_columns
 from fpputil.optics.fringes import WHITE
@@ -19,27 +18,15 @@ from fpputil.optics.fringes import WHITE
 QUANTISATION = 1 / 12
 """Variance of rounding, grey levels squared: the least noise a scan is credited with."""
 
-CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly turns the phase
-SCATTER = 0.25  # of the modulation, beyond three times the noise
-UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
 AROUND = 31  # pixels, of the square over which modulations are compared
 UNSURE = 0.4  # of `order_step` between the columns of two pitches; at a half the order is a guess
 CERTAIN = 2.5  # standard deviations of the noise that must lie within half an order step
 LEAST_PIXELS = 100  # for an estimate of the noise
-CLASSES = 8  # of grey levels
+CLASSES, EACH = 8, 60  # of grey levels at most, and about how many pixels in one at least
+FEW = 4  # rows and columns, of which one is counted where a mean is enough
 OUTLIERS = 0.2  # share of pixels that are left out, those that scatter most
-
-
-class Reason(IntEnum):
-    """Why a pixel is not in the mask; the first that holds."""
-
-    GOOD = 0
-    DARK = 1
-    SATURATED = 2
-    SCATTERED = 3
-    UNSTEADY = 4
-    UNSURE = 5
-    OUTSIDE = 6
+LEFT = chdtr(3, chdtri(1, OUTLIERS)) / (1 - OUTLIERS)  # of the variance, by those that are kept
+IN_STEP = 0.25  # most of the second harmonic of a response that a pixel may see
 
 
 @dataclass(frozen=True)
@@ -68,9 +55,7 @@ class Noise:
 def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
     """Noise of photographs of phase-shifted fringes. Chapter 12.
 
-    Over the steps the fringe is the first harmonic, and a response that is not linear adds the
-    next ones, ever less; what is in the highest is noise. In each class of grey level the pixels
-    that scatter most, at edges or by motion, do not count.
+    In each class of grey level the pixels that scatter most, at edges or by motion, do not count.
 
     Parameters
     ----------
@@ -81,29 +66,46 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
     """
     levels, variances = [], []
     for frames in sample:
-        steps = len(frames)
-        power = np.abs(np.fft.rfft(frames, axis=0)) ** 2 / steps
-        use = (2 * np.sqrt(power[1] / steps) > threshold) & (frames.max(axis=0) < 0.99 * WHITE)
-        if steps < 4 or use.sum() < LEAST_PIXELS:
+        scatter, use = _scatter(frames, threshold)
+        if use.sum() < LEAST_PIXELS:
             continue
-        scatter = power[-1, use]
-        free = 2 - (steps % 2 == 0)  # the last of an even number of steps has no sine
-        share = chdtr(free + 2, chdtri(free, OUTLIERS)) / (1 - OUTLIERS)  # what they leave of it
-        level = frames[:, use].mean(axis=0)
-        for some in np.array_split(np.argsort(level), CLASSES):
-            levels.append(np.mean(level[some]))
+        level, scatter = frames[:, use].mean(axis=0), scatter[use]
+        for some in np.array_split(np.argsort(level), min(CLASSES, 1 + len(level) // EACH)):
             kept = np.sort(scatter[some])[: round((1 - OUTLIERS) * len(some))]
-            variances.append(kept.mean() / share)
+            levels.append(np.mean(level[some]))
+            variances.append(kept.mean() / LEFT)
     return _line(levels, variances)
 
 
+def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
+    """Squared noise of photographs (N, S) at each pixel, of one degree of freedom, and its use.
+
+    Over the steps the fringe is the first harmonic. A response that is not linear adds others, in
+    step with it; what is out of step in the highest of them is noise. Four steps have a second
+    harmonic alone, without its sine: there the pixels count where a response could not add to it.
+    """
+    steps = len(frames)
+    spectrum = np.fft.rfft(frames, axis=0)
+    turn = spectrum[1] / np.maximum(np.abs(spectrum[1]), 1e-9)
+    use = (2 / steps * np.abs(spectrum[1]) > threshold) & (frames.max(axis=0) < 0.99 * WHITE)
+    highest = (steps - 1) // 2
+    if highest > 1:
+        return 2 / steps * (spectrum[highest] * turn.conj() ** highest).imag ** 2, use
+    if steps == 4:
+        return spectrum[2].real ** 2 / 4, use & (np.abs((turn**2).real) < IN_STEP)
+    return np.zeros(frames.shape[1]), np.zeros(frames.shape[1], bool)
+
+
 def _line(levels, variances) -> Noise:
-    """Variance as a line over the level; a constant where a line cannot be told or falls."""
+    """Variance as a line over the level, or a constant where it cannot be told or falls."""
     if not levels:
         return Noise(QUANTISATION, 0.0, False)
-    slope, constant = np.polyfit(levels, variances, 1) if np.ptp(levels) > 20 else (-1, -1)
-    if slope < 0 or constant < 0:
-        return Noise(float(np.mean(variances)), 0.0, True)
+    levels, variances = np.array(levels), np.array(variances)
+    slope, constant = np.polyfit(levels, variances, 1) if np.ptp(levels) > 20 else (-1, 0)
+    if slope < 0:
+        slope, constant = 0.0, np.mean(variances)
+    elif constant < 0:
+        slope, constant = (levels @ variances) / (levels @ levels), 0.0
     return Noise(float(constant), float(slope), True)
 
 
@@ -154,35 +156,27 @@ def judge(
     width : int
         Projector pixels along the axis.
     """
-    reason = np.zeros(modulation.shape[1:], np.uint8)
-
-    def mark(where, why):
-        reason[where & (reason == 0)] = why
-
-    sigmas = [_sigma(s, B, noise) for s, B in zip(sums, modulation, strict=True)]
-    mark(~(modulation.min(axis=0) > threshold), Reason.DARK)
-    for one, B in zip(sums, modulation, strict=True):
-        mark(one.clipped > CLIPPED * one.fringe.steps, Reason.SATURATED)
-        limit = SCATTER * B + 3 * np.sqrt(noise.variance(one.average))
-        mark(np.sqrt(one.scatter) > limit, Reason.SCATTERED)
+    reason, sigmas = np.zeros(modulation.shape[1:], np.uint8), np.empty_like(modulation)
+    line = np.array([noise.constant, noise.slope, QUANTISATION], np.float32)
+    for k, one in enumerate(sums):
+        look(one.values, one.clipped, one.fringe.steps, line, threshold, reason, sigmas[k])
     for k in range(len(sums) - 1):
-        mark(_unsteady(modulation[k : k + 2], sigmas[k : k + 2], reason == 0), Reason.UNSTEADY)
+        _mark_unsteady(modulation[k : k + 2], sigmas[k : k + 2], reason)
     means = []
     for apart, sigma in _apart(levels, sigmas, method):
-        good = reason == 0
-        means.append(np.exp(2j * np.pi * apart[good]).mean() if good.any() else 0)
-        mark(~((np.abs(apart) < UNSURE) & (CERTAIN * sigma < 0.5)), Reason.UNSURE)
+        good = reason[::FEW, ::FEW] == 0
+        some = np.exp(2j * np.pi * apart[::FEW, ::FEW][good])
+        means.append(some.mean() if some.size else 0)
+        unsure = ~((np.abs(apart) < UNSURE) & (np.float32(CERTAIN) * sigma < 0.5))
+        reason[unsure & (reason == 0)] = Reason.UNSURE
     means = np.array(means[: len(sums) - 1], complex)
     finest = int(np.argmin(levels[0].pitches))
     column = levels[0].Phis[finest] * np.float32(levels[0].pitches[finest] / TWO_PI)
-    guard = _guard(levels[0].pitches[0], sigmas[0][reason == 0], method, width)
-    mark(~(np.abs(column - (width - 1) / 2) <= width / 2 - guard), Reason.OUTSIDE)
+    some = sigmas[0, ::FEW, ::FEW][reason[::FEW, ::FEW] == 0]
+    guard = _guard(levels[0].pitches[0], some, method, width)
+    inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
+    reason[~inside & (reason == 0)] = Reason.OUTSIDE
     return Judged(reason, sigmas, np.angle(means) / TWO_PI, np.abs(means))
-
-
-def _sigma(one: Sums, B, noise: Noise) -> np.ndarray:
-    with np.errstate(divide="ignore"):
-        return phase_sigma(np.sqrt(noise.variance(one.average)), B, one.fringe.steps)
 
 
 def _apart(levels, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -190,14 +184,11 @@ def _apart(levels, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     for level in levels:
         if level.parents:  # the difference of two phases has the noise of both
             sigmas = [np.hypot(sigmas[j], sigmas[j + 1]) for j in level.parents]
-        scale = [np.float32(p / TWO_PI) for p in level.pitches]
         for k, (p, q) in enumerate(zip(level.pitches, level.pitches[1:], strict=False)):
-            step = np.float32(order_step(method, p, q))
-            a, b = (level.Phis[n] * scale[n] for n in (k, k + 1))
-            yield (
-                (a - b) / step,
-                np.hypot(sigmas[k] * scale[k], sigmas[k + 1] * scale[k + 1]) / step,
-            )
+            step = TWO_PI * order_step(method, p, q)
+            one, other = np.float32(p / step), np.float32(q / step)
+            apart = level.Phis[k] * one - level.Phis[k + 1] * other
+            yield apart, np.sqrt((sigmas[k] * one) ** 2 + (sigmas[k + 1] * other) ** 2)
 
 
 def order_step(method: str, p: float, q: float) -> float:
@@ -212,15 +203,12 @@ def order_step(method: str, p: float, q: float) -> float:
     return abs(p - q) if method == "mw" else min(p, q)
 
 
-def _unsteady(B, sigmas, good) -> np.ndarray:
-    """Where the modulation changes from one pitch to the next otherwise than round about."""
+def _mark_unsteady(B, sigmas, reason) -> None:
+    """Mark where the modulation changes between two pitches otherwise than round about."""
     box = (AROUND, AROUND)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.where(good, np.log(B[0] / B[1]), 0).astype(np.float32)
-        share = cv2.boxFilter(good.astype(np.float32), -1, box)
-        off = np.abs(change - cv2.boxFilter(change, -1, box) / share)
-    # The relative noise of a modulation is the noise of its phase.
-    return good & (off > UNSTEADY + 4 * np.hypot(*sigmas))
+    change, good = compared(B[0], B[1], reason)
+    change_near, good_near = cv2.boxFilter(change, -1, box), cv2.boxFilter(good, -1, box)
+    mark_unsteady(change, change_near, good_near, sigmas[0], sigmas[1], reason)
 
 
 def _guard(pitch: float, sigma, method: str, width: int) -> float:

@@ -13,8 +13,9 @@ import numpy as np
 
 from fpputil.decoding import unwrap
 from fpputil.decoding.capture import Capture
+from fpputil.decoding.marking import Reason
 from fpputil.decoding.phase import THRESHOLD
-from fpputil.decoding.quality import Noise, Reason, judge, noise_of
+from fpputil.decoding.quality import Noise, judge, noise_of
 from fpputil.decoding.reference import minimum_phase, zmin_order
 from fpputil.decoding.response import LEAST_STEPS, estimate_power, linear
 from fpputil.decoding.stream import Sums
@@ -107,7 +108,8 @@ def scan(
         Least modulation of every pitch, grey levels of 255.
     power : float or None
         The grey levels are raised to it (`fpputil.decoding.response`). None estimates it from the
-        fringe of most steps; with fewer than five, or if it is near 1, it is 1.
+        fringe of most steps, if that has five or more and another one fewer: from five steps on
+        the harmonics of a response fall out, and the power would only raise the noise of the dark.
     noise : float, optional
         Standard deviation of the camera's noise, grey levels of 255; by default estimated.
     system : System, optional
@@ -196,8 +198,9 @@ def _read(capture: Capture, numbers, power, each):
     fringes = capture.patterns.fringes
     best = max(numbers, key=lambda k: (fringes[k].steps, -fringes[k].pitch))
     read = {best: _fringe(capture, best, 1.0 if power is None else power, each)}
+    few = min(fringes[k].steps for k in numbers) < LEAST_STEPS
     if power is None:
-        power = _power(read[best][1])
+        power = _power(read[best][1]) if few else 1.0
         if power != 1:
             read[best] = _fringe(capture, best, power)
     for k in numbers:
