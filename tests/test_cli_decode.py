@@ -59,12 +59,16 @@ def test_the_loop_ends_in_points_on_the_sphere(loop, tmp_path, capsys):
     assert 'src="http' not in page and "<script" not in page
 
 
-def test_points_carry_their_uncertainty(loop, tmp_path):
-    out = tmp_path / "out"
-    main(["decode", str(loop / "shots"), "--out", str(out), "--system", "tiny", "--no-report"])
+def test_points_carry_their_uncertainty_and_the_colour_of_the_white_photograph(loop, tmp_path):
+    shots, out = shutil.copytree(loop / "shots", tmp_path / "shots"), tmp_path / "out"
+    grey = cv2.imread(str(shots / "white.png"), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(shots / "white.png"), np.stack([grey // 4, grey // 2, grey], -1))  # blue first
+    main(["decode", str(shots), "--out", str(out), "--system", "tiny", "--no-report"])
     head = (out / "points.ply").read_bytes().split(b"end_header\n")[0].decode()
     assert "property float sigma" in head and "property uchar red" in head
     assert not (out / "report.html").exists()
+    red, green, blue, _ = np.asarray(trimesh.load(out / "points.ply").colors).T.astype(int)
+    assert np.median(red) > 1.8 * np.median(green) > 3 * np.median(blue) > 0
 
 
 def test_json_is_for_machines(loop, tmp_path, capsys):
@@ -236,3 +240,9 @@ def test_any_folder_is_decoded_or_refused_and_nothing_is_left(
     if code == 0:
         assert (root / "shots-decoded" / "decoded.npz").is_file()
     shutil.rmtree(root)
+
+
+def test_a_reader_who_has_enough_is_no_error(loop):
+    run = f"{sys.executable} -m fpputil.cli results list --results {loop} --preset tiny | head -1"
+    done = subprocess.run(["bash", "-c", run], capture_output=True, text=True)
+    assert done.stdout.count("\n") == 1 and done.stderr == ""

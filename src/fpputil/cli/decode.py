@@ -111,6 +111,8 @@ def _given(options):
 
 def _write(folder, options, capture, scans, found, system, wrong) -> dict:
     """Write all products of a decoding; returns what summary.json says."""
+    import numpy as np
+
     from fpputil.decoding import products
     from fpputil.report import figures, page
 
@@ -125,9 +127,10 @@ def _write(folder, options, capture, scans, found, system, wrong) -> dict:
         vertical = [s for s in scans if s.axis == "column"]
         if system is not None and vertical:
             points, depth, sigma = products.measure(vertical[0], system)
-            white = capture.plain(0)
-            grey = vertical[0].average if white is None else white * capture.scale
-            about["points"] = products.save_points(folder / "points.ply", points, grey, sigma)
+            colours = capture.colours()
+            if colours is None:  # the average of the fringes stands in
+                colours = np.repeat(vertical[0].average.astype(np.uint8)[..., None], 3, axis=2)
+            about["points"] = products.save_points(folder / "points.ply", points, colours, sigma)
             arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
         products.save_arrays(folder / "decoded.npz", arrays)
         if not options.no_pictures:

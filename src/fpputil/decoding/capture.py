@@ -55,6 +55,15 @@ class Capture:
         found = [s for s in self.shots if s.fringe < 0 and s.step == step]
         return self._read(found[0]) if found else None
 
+    def colours(self) -> np.ndarray | None:
+        """Photograph in plain light as (H, W, 3) uint8 red, green, blue, if there is one."""
+        found = [s for s in self.shots if s.fringe < 0 and s.step == 0]
+        if not found:
+            return None
+        self._read(found[0])  # which says so if it differs from the others
+        image = read_colours(self.folder / found[0].file) * self.scale
+        return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
     def of(self, fringe: int) -> list[Shot]:
         """Photographs of a fringe by step."""
         return sorted(s for s in self.shots if s.fringe == fringe)
@@ -127,21 +136,37 @@ def read_photograph(path: str | Path) -> np.ndarray:
     ValueError
         If it is cut, empty, of another kind, or holds NaN.
     """
-    path = Path(path)
+    image = _pixels(Path(path))
+    if image.ndim == 3:
+        image = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_BGR2GRAY)
+    return np.ascontiguousarray(image)
+
+
+def read_colours(path: str | Path) -> np.ndarray:
+    """One photograph as (H, W, 3) red, green, blue, uint8, uint16 or float32; grey is repeated.
+
+    Raises as `read_photograph` does.
+    """
+    image = _pixels(Path(path))
+    return image[..., ::-1] if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+
+
+def _pixels(path: Path) -> np.ndarray:
+    """(H, W), or (H, W, 3) with blue first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path} given; {', '.join(s[1:] for s in SUFFIXES)} files are read")
     image = _array(path) if path.suffix.lower() == ".npy" else _image(path)
-    if image.ndim == 3 and image.shape[2] in (3, 4):
-        image = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
+    if image.ndim == 3 and image.shape[2] == 4:
+        image = image[..., :3]  # without the transparency
     if image.ndim == 3 and image.shape[2] == 1:
         image = image[..., 0]
-    if image.ndim != 2 or 0 in image.shape:
+    if (image.ndim == 3 and image.shape[2] != 3) or image.ndim not in (2, 3) or 0 in image.shape:
         raise ValueError(f"{path} has shape {image.shape}; a photograph is (H, W), or has colours")
     if not np.isfinite(image).all():
         raise ValueError(f"{path} has pixels that are NaN or infinite; photograph again")
-    return np.ascontiguousarray(image)
+    return image
 
 
 def _image(path: Path) -> np.ndarray:

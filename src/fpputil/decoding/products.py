@@ -91,15 +91,15 @@ def measure(scan: Scan, system: System) -> tuple[np.ndarray, np.ndarray, np.ndar
     return points, depth, np.where(outside, np.nan, sigma)
 
 
-def save_points(path: Path, points, grey, sigma) -> int:
-    """Write the finite points as binary PLY with grey as colour and `sigma`, mm, of each.
+def save_points(path: Path, points, colours, sigma) -> int:
+    """Write the finite points as binary PLY with colour and `sigma`, mm, of each.
 
     Parameters
     ----------
     points : (H, W, 3) array
         mm.
-    grey : (H, W) array
-        0 to 255.
+    colours : (H, W, 3) uint8 array
+        Red, green, blue.
     sigma : (H, W) array
         Standard deviation of the depth, mm.
 
@@ -122,8 +122,8 @@ def save_points(path: Path, points, grey, sigma) -> int:
     for n, name in enumerate(("x", "y", "z")):
         out[name] = points[keep][:, n]
     out["sigma"] = sigma[keep]
-    for name in ("red", "green", "blue"):
-        out[name] = np.clip(np.rint(grey[keep]), 0, 255)
+    for n, name in enumerate(("red", "green", "blue")):
+        out[name] = colours[keep][:, n]
     lines = [f"property {'uchar' if t == 'u1' else 'float'} {n}" for n, t in kinds]
     head = ["ply", "format binary_little_endian 1.0", "comment mm", f"element vertex {len(out)}"]
     write_whole(path, "\n".join([*head, *lines, "end_header\n"]).encode() + out.tobytes())
