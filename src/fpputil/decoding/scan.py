@@ -138,9 +138,9 @@ def scan(
 
 
 def unwrapper(patterns: Patterns, axis: str, fringes, system=None, size=None) -> Callable:
-    """Function from wrapped phases (P, H, W) to `Level`s, checked before any phase is there.
+    """Function from wrapped phases (P, H, W) to levels, checked before any phase is there.
 
-    But for beats there is one level, that of the absolute phases.
+    A `Level` each for the phases and, by multi-wavelength unwrapping, for their beats.
 
     Raises
     ------
