@@ -94,6 +94,22 @@ def test_a_fault_is_named_and_phases_are_not_written(loop, tmp_path, capsys):
     assert main(["decode", str(shots)]) == 1 and "is not empty" in capsys.readouterr().err
     assert main(["decode", str(shots), "--force", "--accept"]) == 0
     assert (out / "decoded.npz").is_file()
+    assert main(["decode", str(shots), "--force", "--shift", "1"]) == 0  # as the error advises
+    assert "no --system given" in capsys.readouterr().out
+
+
+def test_numbered_photographs_with_plain_ones_first(loop, tmp_path, capsys):
+    shots, patterns = shutil.copytree(loop / "shots", tmp_path / "shots"), loop / "p/patterns.toml"
+    for n, shot in enumerate(Patterns.load(patterns).shots()):
+        (shots / shot.file).rename(shots / f"IMG_{998 + n}.png")
+    text = patterns.read_text().replace("{axis}-{pitch}-{step:02}", "*")
+    (shots / "patterns.toml").write_text(text)
+    assert main(["decode", str(shots), "--system", "tiny"]) == 0
+    for n in range(998, 1024):
+        (shots / f"IMG_{n}.png").rename(shots / f"IMG_{n}.jpg")
+    (shots / "patterns.toml").write_text(patterns.read_text())
+    assert main(["decode", str(shots), "--force"]) == 1
+    assert "JPEG (26 files here) is not" in capsys.readouterr().err
 
 
 def test_photographs_without_a_pattern_file(loop, tmp_path, capsys):
@@ -105,10 +121,14 @@ def test_photographs_without_a_pattern_file(loop, tmp_path, capsys):
         (shots / name).rename(shots / f"img {n}.png")
     given_ = ["--files", "*.png", "--pitches", "912", "114", "24", "--steps", "8"]
     assert main(["decode", str(shots)]) == 1
-    assert "no such pattern file" in capsys.readouterr().err
+    assert "no patterns.toml in" in capsys.readouterr().err
+    assert main(["decode", str(shots), *given_[2:]]) == 1
+    assert "--pitches without --files given" in capsys.readouterr().err
     assert main(["decode", str(shots), *given_]) == 0
     assert main(["decode", str(shots), *given_[:-1], "7", "--force"]) == 1
-    assert "24 files match '*.png'; the fringes have 7 + 7 + 7 = 21" in capsys.readouterr().err
+    assert (
+        "24 files match '*.png'; the fringes have 7 + 7 + 7 = 21 steps" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(
@@ -155,9 +175,16 @@ def test_a_board_is_rendered_and_calibrates_the_system(tmp_path, capsys):
     said = capsys.readouterr()
     assert "baseline 15" in said.out and "4 poses were used" in said.err
     assert main([*found]) == 1 and "is there already" in capsys.readouterr().err
+    wrong = [{"35": "3.5"}.get(w, w) for w in found]
+    assert main([*wrong, "--force"]) == 0
+    assert "outside the measuring range of 480 to 820 mm" in capsys.readouterr().err
+    wrong = [{"8x6": "9x7"}.get(w, w) for w in found]
+    assert main([*wrong, "--force"]) == 1
+    said = capsys.readouterr().err
+    assert "pose-00, pose-01, pose-02, pose-03: no chessboard" in said and "inner corners" in said
     (tmp_path / "b/pose-01/patterns.toml").unlink()
     assert main([*found, "--force"]) == 1
-    assert "no such pattern file" in capsys.readouterr().err
+    assert "no patterns.toml in" in capsys.readouterr().err
 
 
 def test_ctrl_c_leaves_nothing(loop, tmp_path):

@@ -1,5 +1,7 @@
 """What is projected: names, order, pictures, and the file that says so."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -37,6 +39,8 @@ def test_a_star_takes_files_in_natural_order_but_not_the_plain_ones():
     assert [s.file for s in shots] == [f"{n}.png" for n in range(12)]
     with pytest.raises(ValueError, match=r"10 files match '\*.png'; the fringes have 11 = 11"):
         patterns.shots(names[:11])
+    numbered = [s.file for s in replace(patterns, white="white.png").shots(names)]
+    assert numbered == [f"{n}.png" for n in range(12)]  # of which the first is the white one
     assert sorted(["a10", "a9", "a"], key=natural) == ["a", "a9", "a10"]
 
 

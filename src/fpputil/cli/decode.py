@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from fpputil.cli.patterns import add_fringes, chosen, size
@@ -57,6 +58,7 @@ def _patterns(decode) -> None:
     given.add_argument("--white", default="", metavar="NAME", help="photograph in plain light")
     given.add_argument("--black", default="", metavar="NAME", help="photograph in no light")
     add_fringes(given)
+    decode.set_defaults(steps=None, axis=None, unwrap=None, shift=None)
 
 
 def _decode(options) -> int:
@@ -96,17 +98,33 @@ def _number(text: str) -> float:
 
 
 def _given(options):
-    """Patterns named on the command line, of a file, or None for the folder's own."""
-    from fpputil.optics.patterns import Patterns
-
+    """Patterns named on the command line, or of a file."""
     if options.patterns is not None and options.files is not None:
         raise ValueError("--patterns and --files given; one of them names the photographs")
-    if options.patterns is not None:
-        return Patterns.load(options.patterns)
     if options.files is None:
-        return None
+        return _of_file(options)
     names = {k: getattr(options, k) for k in ("files", "first", "order", "white", "black")}
+    usual = {"steps": [8], "axis": "column", "unwrap": "mf", "shift": 1}
+    for name, value in usual.items():
+        if getattr(options, name) is None:
+            setattr(options, name, value)
     return chosen(options, **names)
+
+
+def _of_file(options):
+    """Patterns of a file; --shift may turn their direction, nothing else is taken beside it."""
+    from fpputil.decoding.capture import of_folder
+    from fpputil.optics.patterns import Patterns
+
+    beside = [n for n in ("pitches", "steps", "axis", "unwrap") if getattr(options, n) is not None]
+    if beside:
+        raise ValueError(
+            f"--{beside[0]} without --files given; a pattern file tells it, or --files and all "
+            "the others do"
+        )
+    file = options.patterns
+    found = of_folder(options.folder) if file is None else Patterns.load(file)
+    return found if options.shift is None else replace(found, shift=options.shift)
 
 
 def _write(folder, options, capture, scans, found, system, wrong) -> dict:
@@ -153,6 +171,8 @@ def _say(options, out, about, found) -> None:
         print(f"{kind}: {doubt.found}; {doubt.remedy}", file=sys.stderr)
     if "points" in about:
         print(f"{about['points']} points in {out / 'points.ply'}")
+    elif options.system is None:
+        print("no --system given: phases, but no depth and no points")
     if not about["decoded"]:
         print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
     print(f"written to {out}")

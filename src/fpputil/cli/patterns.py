@@ -67,7 +67,10 @@ def chosen(options, **names):
     found = Patterns(options.projector, fringes, options.unwrap, options.shift, **names)
     if found.unwrap != "minimum":  # whose pitches the system decides on
         for axis in axes:
-            unwrapper(found, axis, [f for f in fringes if f.axis == axis])
+            try:
+                unwrapper(found, axis, [f for f in fringes if f.axis == axis])
+            except ValueError as error:
+                raise ValueError(f"fringes along {axis}s: {error}") from error
     return found
 
 
@@ -90,3 +93,5 @@ def _patterns(options) -> None:
     else:
         width, height = patterns.projector
         print(f"{len(shots)} pictures of {width} x {height} and {NAME} in {options.out}")
+        order = dict.fromkeys(s.file.rsplit("-", 1)[0] for s in shots)
+        print(f"to be shown in this order: {', '.join(order)}")

@@ -107,7 +107,8 @@ class Board:
         if found is None:
             raise ValueError(
                 f"no {self.kind} of {self.columns} x {self.rows} points found; the board must be "
-                "in the picture, sharp and evenly lit"
+                "in the picture, sharp and evenly lit, and of a chessboard its inner corners "
+                "count, one fewer than squares each way"
             )
         which, pixels = found
         return which, pixels.astype(np.float64)

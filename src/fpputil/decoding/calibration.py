@@ -9,26 +9,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fpputil.checks import positive, whole
 from fpputil.decoding.board import Board, spacing
 from fpputil.decoding.bundle import Bundle, Sighting, fit_bundle
+from fpputil.decoding.determined import doubtful
 from fpputil.decoding.sampling import light_at
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.system import System
 
 REACH = 0.5  # squares to each side of a point over which the projector pixel is fitted
-OUTLIER, CLEAR = (
-    3.0,
-    0.3,
-)  # times the median reprojection error, and pixels, above which a pose goes
-LEAST_POSES, FEW_POSES, LEAST_POINTS = 3, 8, 12
-LEAST_TILT = 5.0  # degrees, RMS, by which the boards' normals must vary both ways
-LEAST_COVER = 0.3  # share of the camera's picture
-LEAST_SURE = 0.005  # relative standard deviation of a focal length
+OUTLIER, CLEAR = 3.0, 0.3  # times the median error, and pixels, above which a pose goes
+LEAST_POSES, LEAST_POINTS = 3, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +138,8 @@ def calibrate(
         del seen[name]
     errors = [dict(zip(seen, e.tolist(), strict=True)) for e in fit.errors]
     system = System(*_pinholes(fit, size, projector), float(z_min), float(z_max))
-    return Calibration(system, *errors, rejected, fit.sigma, _doubts(fit, seen, size))
+    doubts = doubtful(fit, list(seen.values()), system)
+    return Calibration(system, *errors, rejected, fit.sigma, doubts)
 
 
 def _check(poses, projector, z_min, z_max):
@@ -195,7 +189,10 @@ def _sighting(board: Board, pose: Pose) -> Sighting:
 
 def _enough(seen, rejected, number):
     if len(seen) < LEAST_POSES:
-        reasons = "; ".join(f"{k}: {v}" for k, v in rejected.items())
+        texts = dict.fromkeys(rejected.values())
+        reasons = "; ".join(
+            f"{', '.join(k for k, v in rejected.items() if v == text)}: {text}" for text in texts
+        )
         raise ValueError(
             f"{len(seen)} of {number} poses can be used; {LEAST_POSES} are needed, ten are better"
             + (f" ({reasons})" if reasons else "")
@@ -220,30 +217,3 @@ def _pinholes(fit: Bundle, *sizes):
     for lens, size, (R, t) in zip(fit.lenses, sizes, poses, strict=True):
         K = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
         yield Pinhole(*size, K, R, t, lens[4:] if lens[4:].any() else ())
-
-
-def _doubts(fit: Bundle, seen, size) -> tuple[str, ...]:
-    """Why the poses may not constrain the system."""
-    found = []
-    normals = Rotation.from_rotvec(fit.poses[:, :3]).as_matrix()[:, :, 2]
-    spread = np.linalg.svd(normals - normals.mean(axis=0), compute_uv=False)[1]
-    tilt = np.degrees(spread / np.sqrt(len(normals)))
-    if tilt < LEAST_TILT:
-        found.append(
-            f"the boards' normals vary by {tilt:.1f} degrees (RMS) in one direction; "
-            f"{LEAST_TILT:g} or more both ways are needed, or focal length and depth trade places"
-        )
-    if len(seen) < FEW_POSES:
-        found.append(f"{len(seen)} poses were used; with fewer than {FEW_POSES} chance weighs much")
-    hull = cv2.convexHull(np.concatenate([s.camera for s in seen.values()]).astype(np.float32))
-    cover = cv2.contourArea(hull) / (size[0] * size[1])
-    if cover < LEAST_COVER:
-        found.append(
-            f"the points cover {100 * cover:.0f} % of the picture; beyond them the distortion "
-            f"is a guess, so bring the board to the picture's edges"
-        )
-    for k, who in enumerate(("camera", "projector")):
-        share = max(fit.sigma[f"{who} {f}"] / fit.lenses[k, n] for n, f in enumerate(("fx", "fy")))
-        if share > LEAST_SURE:
-            found.append(f"the focal length of the {who} is sure to {100 * share:.1f} % only")
-    return tuple(found)

@@ -110,7 +110,7 @@ def open_capture(
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} given; there is no such folder")
     if patterns is None:
-        patterns = Patterns.load(folder / NAME)
+        patterns = of_folder(folder)
     names = sorted(e.name for e in os.scandir(folder) if _photograph(e))
     shots = patterns.shots(names)
     missing = sorted({s.file for s in shots} - set(names))
@@ -118,12 +118,25 @@ def open_capture(
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
         raise FileNotFoundError(
             f"{', '.join(missing[:3])}{more} missing in {folder}: {len(shots) - len(missing)} of "
-            f"{len(shots)} photographs found ({', '.join(s[1:] for s in SUFFIXES)} are read)"
+            f"{len(shots)} photographs found{_unread(folder)}"
         )
     first = read_photograph(folder / shots[0].file)
     depth = 65535.0 if first.dtype == np.uint16 else WHITE
     full = depth if full is None else positive("full", full, "grey levels")
     return Capture(folder, patterns, tuple(shots), first.shape, first.dtype, full)
+
+
+def of_folder(folder: str | Path) -> Patterns:
+    """The patterns of the pattern file in a folder; FileNotFoundError if there is none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder} given; there is no such folder")
+    if not (folder / NAME).is_file():
+        raise FileNotFoundError(
+            f"no {NAME} in {folder}; copy it there, or say what was projected (--files, "
+            "--pitches, --steps)"
+        )
+    return Patterns.load(folder / NAME)
 
 
 def read_photograph(path: str | Path) -> np.ndarray:
@@ -197,6 +210,15 @@ def _kept(path: Path, image: np.ndarray) -> np.ndarray:
     if image.dtype.kind == "f":
         return np.array(image, np.float32)
     raise ValueError(f"{path} has dtype {image.dtype}; uint8, uint16 or floats are read")
+
+
+def _unread(folder: Path) -> str:
+    """A word on the photographs of a folder that are of a kind that is not read."""
+    read = f"; {', '.join(s[1:] for s in SUFFIXES)} are read"
+    other = [p for p in folder.iterdir() if p.suffix.lower() in (".jpg", ".jpeg")]
+    if not other:
+        return read
+    return f"{read}, JPEG ({len(other)} files here) is not: its compression turns the phase"
 
 
 def _photograph(entry) -> bool:

@@ -269,7 +269,7 @@ def _contrast(scan, capture) -> Iterator[Doubt]:
 def _noise(scan, capture) -> Iterator[Doubt]:
     if not scan.noise.known:
         yield Doubt(
-            "noise", False, "the noise cannot be told from so few steps; the uncertainty counts "
-            "the rounding of grey levels alone", "give --noise, or take five steps or more at one "
-            "pitch",
+            "noise", False, "so few steps do not tell the noise, nor whether the response is "
+            "linear; the uncertainty counts the rounding of grey levels alone", "take five steps "
+            "or more at one pitch, or give --noise and --power",
         )  # fmt: skip

@@ -125,7 +125,7 @@ def scan(
     ------
     ValueError
         If there is no fringe along the axis, a photograph cannot be read or differs in size,
-        the pitches do not suit the unwrapping, or no pixel is left in the mask.
+        or the pitches do not suit the unwrapping.
     """
     patterns = capture.patterns
     numbers = [k for k, f in enumerate(patterns.fringes) if f.axis == axis]

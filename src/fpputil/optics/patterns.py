@@ -59,7 +59,7 @@ class Patterns:
     files : str
         Names of the photographs with ``{axis}``, ``{pitch}`` and ``{step}``, and ``{step:02}``
         for two digits at least; or with ``*``: these files, in natural order, are the order in
-        time.
+        time, first white and black if they do not go by names of their own.
     first : int
         Number of the first step in the names.
     white, black : str
@@ -108,9 +108,9 @@ class Patterns:
         if self.order == "step":
             pairs.sort(key=lambda pair: (pair[1], pair[0]))
         named = [self._name(*pair) for pair in pairs]
-        if "*" in self.files:
-            named = self._matching(folder_names or (), len(pairs))
         plain = [Shot(-1, n, file) for n, file in enumerate((self.white, self.black)) if file]
+        if "*" in self.files:
+            plain, named = self._matching(folder_names or (), plain, len(pairs))
         return plain + [Shot(*pair, file) for pair, file in zip(pairs, named, strict=True)]
 
     def picture(self, shot: Shot) -> np.ndarray:
@@ -152,16 +152,26 @@ class Patterns:
 
         return FIELD.sub(shown, self.files)
 
-    def _matching(self, names: Sequence[str], needed: int) -> list[str]:
-        plain = (self.white, self.black)
-        found = sorted((n for n in names if fnmatchcase(n, self.files) and n not in plain),
-                       key=natural)  # fmt: skip
+    def _matching(self, names: Sequence[str], plain: list[Shot], needed: int):
+        """Photographs in plain light, and the names of all others in natural order.
+
+        Plain ones that do not go by their own names are the first of all.
+        """
+        own = {shot.file for shot in plain}
+        found = sorted((n for n in names if fnmatchcase(n, self.files)), key=natural)
+        if own & set(names):
+            found = [n for n in found if n not in own]
+        elif len(found) == needed + len(plain):
+            first, found = found[: len(plain)], found[len(plain) :]
+            plain = [shot._replace(file=n) for shot, n in zip(plain, first, strict=True)]
         if len(found) != needed:
             each = " + ".join(str(f.steps) for f in self.fringes)
             raise ValueError(
-                f"{len(found)} files match {self.files!r}; the fringes have {each} = {needed} steps"
+                f"{len(found)} files match {self.files!r}; the fringes have {each} = {needed} "
+                f"steps, before which {len(plain)} photographs in plain light may stand (white and "
+                "black in the pattern file)"
             )
-        return found
+        return plain, found
 
 
 def natural(name: str) -> list:
