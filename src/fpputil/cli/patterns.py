@@ -52,7 +52,7 @@ def add_fringes(parser) -> None:
 
 def chosen(options, **names):
     """`Patterns` of the options of `add_fringes`."""
-    from fpputil.decoding.scan import unwrapper
+    from fpputil.decoding.unwrapper import unwrapper
     from fpputil.optics.fringes import fringe_set
     from fpputil.optics.patterns import Patterns
 
