@@ -64,8 +64,8 @@ def unit_start(pitch: float, width: float) -> float:
     positive("pitch", pitch, "projector pixels")
     if pitch < width:
         raise ValueError(
-            f"pitch {pitch} on {width} projector pixels given; the first pitch must cover the "
-            "whole projector, or its phase is ambiguous"
+            f"pitch {pitch} on {width} columns given; the first pitch must cover the whole "
+            "projector, or its phase is ambiguous"
         )
     return -math.pi * (1 + pitch - width) / pitch
 
