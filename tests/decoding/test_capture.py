@@ -98,7 +98,7 @@ def test_missing_and_differing_photographs_are_named(folder, tmp_path):
     with pytest.raises(FileNotFoundError, match="there is no such folder"):
         open_capture(folder / "none")
     (folder / "patterns.toml").unlink()
-    with pytest.raises(FileNotFoundError, match="no such pattern file"):
+    with pytest.raises(FileNotFoundError, match="no patterns.toml in"):
         open_capture(folder)
 
 
