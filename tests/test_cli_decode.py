@@ -201,7 +201,6 @@ def test_ctrl_c_leaves_nothing(loop, tmp_path):
 
 
 def test_memory_does_not_grow_with_the_photographs(tmp_path):
-    psutil = pytest.importorskip("psutil")
     shape, steps = (600, 800), 60
     patterns = Patterns((912, 1140), Patterns.load(_toml(tmp_path, steps)).fringes,
                         files="{pitch}-{step}.npy")  # fmt: skip
@@ -218,7 +217,6 @@ def test_memory_does_not_grow_with_the_photographs(tmp_path):
         "scan(open_capture(sys.argv[1], full=255), power=1.0)\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - base)"
     )
-    del psutil
     run = [sys.executable, "-c", code, str(tmp_path)]
     grown = int(subprocess.check_output(run, env=os.environ | {"NUMBA_NUM_THREADS": "1"}))
     all_frames = 3 * steps * shape[0] * shape[1] * 2 / 1024  # kilobytes

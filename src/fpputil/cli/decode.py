@@ -131,6 +131,7 @@ def _write(folder, options, capture, scans, found, system, wrong) -> dict:
     """Write all products of a decoding; returns what summary.json says."""
     import numpy as np
 
+    from fpputil.checks import write_arrays
     from fpputil.decoding import products
     from fpputil.report import figures, page
 
@@ -150,7 +151,7 @@ def _write(folder, options, capture, scans, found, system, wrong) -> dict:
                 colours = np.repeat(vertical[0].average.astype(np.uint8)[..., None], 3, axis=2)
             about["points"] = products.save_points(folder / "points.ply", points, colours, sigma)
             arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
-        products.save_arrays(folder / "decoded.npz", arrays)
+        write_arrays(folder / "decoded.npz", arrays, compress=False)
         if not options.no_pictures:
             about["tiff"] = products.save_pictures(folder, arrays)
     if not options.no_report:

@@ -111,12 +111,10 @@ def _outside(about, system) -> list[str]:
 def _write(folder: Path, frames, found) -> None:
     import numpy as np
 
-    from fpputil.checks import write_whole
+    from fpputil.checks import write_arrays, write_whole
     from fpputil.decoding.depth import point_cloud, save_ply
 
-    data = io.BytesIO()
-    np.savez_compressed(data, **{name: getattr(found, name) for name in ARRAYS})
-    write_whole(folder / FILES[0], data.getvalue())
+    write_arrays(folder / FILES[0], {name: getattr(found, name) for name in ARRAYS})
     grey = np.rint(frames[0].clip(0, 255)).astype(np.uint8)
     colours = np.repeat(grey[np.isfinite(found.points).all(axis=-1)][:, None], 3, axis=1)
     save_ply(folder / FILES[1], point_cloud(found.points), colours)

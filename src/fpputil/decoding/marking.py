@@ -7,6 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from fpputil.decoding.stream import MIDDLE
+
 CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly turns the phase
 SCATTER = 0.25  # of the modulation, beyond three times the noise
 UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
@@ -73,7 +75,7 @@ def _kernels():
     from numba import float32 as f32
 
     scatter, unsteady, two, three, four = (np.float32(x) for x in (SCATTER, UNSTEADY, 2, 3, 4))
-    middle = np.float32(127.5)
+    middle = MIDDLE
     dark, saturated, scattered = (int(Reason[n]) for n in ("DARK", "SATURATED", "SCATTERED"))
     shaky = int(Reason.UNSTEADY)
     how = {"parallel": True, "error_model": "numpy", "cache": True}

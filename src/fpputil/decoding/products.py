@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import cv2
@@ -24,13 +23,6 @@ def arrays(scan: Scan) -> dict[str, np.ndarray]:
     found = {k: np.where(scan.mask, v, np.nan).astype(np.float32) for k, v in inside.items()}
     found |= {"modulation": scan.modulation, "mask": scan.mask, "reason": scan.reason}
     return {f"{scan.axis}_{name}": value for name, value in found.items()}
-
-
-def save_arrays(path: Path, found: dict[str, np.ndarray]) -> None:
-    """Write arrays as NPZ, whole or not at all."""
-    file = io.BytesIO()
-    np.savez(file, **found)
-    write_whole(path, file.getvalue())
 
 
 def save_pictures(folder: Path, found: dict[str, np.ndarray]) -> dict[str, dict]:

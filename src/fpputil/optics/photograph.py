@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from fpputil.checks import seeded, whole, write_whole
+from fpputil.checks import seeded, whole, write_arrays
 from fpputil.optics.patterns import Patterns, Shot
 from fpputil.optics.system import System, preset
 from fpputil.optics.view import View
@@ -65,10 +64,8 @@ def photographs(
 
 def save_truth(path: str | Path, view: View) -> None:
     """Write column, row, depth and mask of a view as NPZ, whole or not at all."""
-    file = io.BytesIO()
     names = ("column", "row", "depth", "mask")
-    np.savez_compressed(file, **{name: getattr(view, name) for name in names})
-    write_whole(path, file.getvalue())
+    write_arrays(path, {name: getattr(view, name) for name in names})
 
 
 def system_of(name: str) -> System:
