@@ -30,6 +30,8 @@ def test_photographs_stand_in_the_order_of_time():
     by_step = Patterns((48, 32), BOTH[:2], order="step", files="{pitch}-{step}.png", first=1)
     assert [s.file for s in by_step.shots()][:4] == ["48-1.png", "12-1.png", "48-2.png", "12-2.png"]
     assert [(s.fringe, s.step) for s in by_step.shots()][:3] == [(0, 0), (1, 0), (0, 1)]
+    numbered = replace(by_step, files="{number:02}-{pitch}.png", white="00.png").shots()
+    assert [s.file for s in numbered][:4] == ["00.png", "01-48.png", "02-12.png", "03-48.png"]
 
 
 def test_a_star_takes_files_in_natural_order_but_not_the_plain_ones():
@@ -74,8 +76,14 @@ def test_pictures_are_equation_one(shift):
         ({"first": -1}, "first -1 given"),
         ({"files": "../{axis}-{pitch}-{step}.png"}, "names in the folder itself"),
         ({"white": "/etc/white.png"}, "names in the folder itself"),
-        ({"files": "{axis}-{pitch}-{step!r}.png"}, "{axis}, {pitch} and {step} are known"),
-        ({"files": "{pitch.__class__}-{step}.png"}, "{axis}, {pitch} and {step} are known"),
+        (
+            {"files": "{axis}-{pitch}-{step!r}.png"},
+            "{axis}, {pitch}, {step} and {number} are known",
+        ),
+        (
+            {"files": "{pitch.__class__}-{step}.png"},
+            "{axis}, {pitch}, {step} and {number} are known",
+        ),
         ({"files": "{pitch}.png"}, "would be several photographs"),
         ({"white": "column-48-00.png"}, "column-48-00.png would be several photographs"),
     ],

@@ -5,7 +5,11 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from fpputil.cli import (
     calibrate,
@@ -28,7 +32,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run `fpp` with arguments, by default those of the process; returns the exit code."""
     options = _parser().parse_args(argv)
     try:
-        return options.run(options) or 0
+        with _terminated_as_interrupted():
+            return options.run(options) or 0
     except KeyboardInterrupt:
         print(f"\nstopped; {options.go_on}", file=sys.stderr)
         return 130
@@ -43,6 +48,19 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, RuntimeError, ImportError, FloatingPointError) as error:
         print(f"fpp: {error}", file=sys.stderr)
         return 1
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends a command as Ctrl-C does: with its clean-up."""
+    if threading.current_thread() is not threading.main_thread():  # others get no signals
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _parser() -> argparse.ArgumentParser:

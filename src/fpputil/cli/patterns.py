@@ -21,8 +21,8 @@ def add_to(commands) -> None:
     patterns = commands.add_parser(
         "patterns",
         help="write the pictures to project",
-        description="Writes a PNG for each pattern, in the order in which to show them, and "
-        "patterns.toml. Photograph each, keep the photographs under the same names in a folder "
+        description="Writes a PNG for each pattern, numbered in the order in which to show them, "
+        "and patterns.toml. Photograph each, keep the photographs under the same names in a folder "
         "beside a copy of patterns.toml, and `fpp decode` that folder.",
     )
     patterns.add_argument("out", metavar="OUT", type=Path, help="new folder")
@@ -80,8 +80,8 @@ def _patterns(options) -> None:
     from fpputil.checks import folder_whole, write_whole
     from fpputil.optics.patterns import NAME
 
-    plain = {} if options.no_plain else {"white": "white.png", "black": "black.png"}
-    patterns = chosen(options, **plain)
+    plain = {} if options.no_plain else {"white": "000-white.png", "black": "001-black.png"}
+    patterns = chosen(options, files="{number:03}-{axis}-{pitch}-{step:02}.png", **plain)
     shots = patterns.shots()
     with folder_whole(options.out, options.force) as folder:
         for shot in shots:
@@ -93,5 +93,4 @@ def _patterns(options) -> None:
     else:
         width, height = patterns.projector
         print(f"{len(shots)} pictures of {width} x {height} and {NAME} in {options.out}")
-        order = dict.fromkeys(s.file.rsplit("-", 1)[0] for s in shots)
-        print(f"to be shown in this order: {', '.join(order)}")
+        print(f"to be shown in the order of their names, {shots[0].file} first")

@@ -26,7 +26,7 @@ ORDERS = ("fringe", "step")
 LARGEST = 2**15
 """Of a projector's sides and of the steps of a fringe: more is a slip of the hand."""
 
-FIELD = re.compile(r"\{(axis|pitch|step)(?::(0?[1-9]))?\}")
+FIELD = re.compile(r"\{(axis|pitch|step|number)(?::(0?[1-9]))?\}")
 KEYS = ("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "fringes")
 
 
@@ -57,9 +57,10 @@ class Patterns:
     order : {"fringe", "step"}
         Order in time: all steps of a fringe after one another, or each step of all fringes.
     files : str
-        Names of the photographs with ``{axis}``, ``{pitch}`` and ``{step}``, and ``{step:02}``
-        for two digits at least; or with ``*``: these files, in natural order, are the order in
-        time, first white and black if they do not go by names of their own.
+        Names of the photographs with ``{axis}``, ``{pitch}``, ``{step}`` and ``{number}``, which
+        counts all photographs from 0 in the order of time, and ``{step:02}`` for two digits at
+        least; or with ``*``: these files, in natural order, are the order in time, first white
+        and black if they do not go by names of their own.
     first : int
         Number of the first step in the names.
     white, black : str
@@ -107,8 +108,8 @@ class Patterns:
         pairs = [(k, n) for k, f in enumerate(self.fringes) for n in range(f.steps)]
         if self.order == "step":
             pairs.sort(key=lambda pair: (pair[1], pair[0]))
-        named = [self._name(*pair) for pair in pairs]
         plain = [Shot(-1, n, file) for n, file in enumerate((self.white, self.black)) if file]
+        named = [self._name(*pair, number) for number, pair in enumerate(pairs, len(plain))]
         if "*" in self.files:
             plain, named = self._matching(folder_names or (), plain, len(pairs))
         return plain + [Shot(*pair, file) for pair, file in zip(pairs, named, strict=True)]
@@ -140,9 +141,9 @@ class Patterns:
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: {error}") from error
 
-    def _name(self, k: int, n: int) -> str:
-        fringe = self.fringes[k]
-        values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": n + self.first}
+    def _name(self, k: int, n: int, number: int) -> str:
+        fringe, step = self.fringes[k], n + self.first
+        values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
 
         def shown(match):
             value, digits = values[match[1]], match[2] or "0"
@@ -212,8 +213,8 @@ def _check_names(p: Patterns) -> None:
     rest = FIELD.sub("", p.files)
     if "{" in rest or "}" in rest:
         raise ValueError(
-            f"files {p.files!r} given; {{axis}}, {{pitch}} and {{step}} are known, with the "
-            "least number of digits as in {step:02}"
+            f"files {p.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are known, "
+            "with the least number of digits as in {step:02}"
         )
     if "*" in p.files:
         return
