@@ -58,8 +58,8 @@ class Doubt(NamedTuple):
 
 def doubts(scan: Scan, capture: Capture) -> list[Doubt]:
     """All that speaks against a scan, the severe first. Chapter 12."""
-    checks = (_repeated, _pitches, _direction, _offset, _saturation, _projector, _response,
-              _orders, _darkness, _contrast, _noise)  # fmt: skip
+    checks = (_repeated, _frequencies, _offset, _saturation, _projector, _response, _orders,
+              _darkness, _contrast, _noise)  # fmt: skip
     found = [doubt for check in checks for doubt in check(scan, capture)]
     codes = {doubt.code for doubt in found}
     follow = {f for cause, effects in FOLLOW.items() if cause in codes for f in effects}
@@ -113,9 +113,15 @@ def _repeated(scan, capture) -> Iterator[Doubt]:
             )  # fmt: skip
 
 
-def _pitches(scan, capture) -> Iterator[Doubt]:
+def _frequencies(scan, capture) -> Iterator[Doubt]:
+    """What the local frequencies tell of the pitches and of the direction."""
+    found = frequencies(scan)
+    yield from _pitches(scan, np.abs(found))
+    yield from _direction(scan, capture, found)
+
+
+def _pitches(scan, found) -> Iterator[Doubt]:
     """Fringes whose pictures are as coarse as another one's should be."""
-    found = np.abs(frequencies(scan))
     lit = scan.reason != Reason.DARK
     if lit.sum() < 1000 or np.median(scan.modulation[:, lit]) < 16:
         return  # a slow fringe cannot be told from noise
@@ -147,9 +153,8 @@ def _pitches(scan, capture) -> Iterator[Doubt]:
         )  # fmt: skip
 
 
-def _direction(scan, capture) -> Iterator[Doubt]:
+def _direction(scan, capture, found) -> Iterator[Doubt]:
     """Phases that fall where projector coordinates should grow."""
-    found = frequencies(scan)
     clear = np.abs(found) > 1e-3
     if not clear.any() or np.median(np.sign(found[clear])) > 0:
         return

@@ -14,6 +14,7 @@ from fpputil.decoding.unwrap import TWO_PI
 from fpputil.optics.system import System
 
 TOP = 65535
+PLAIN = (cv2.IMWRITE_TIFF_COMPRESSION, 1)  # phases and modulations hardly shrink, and take long
 
 
 def arrays(scan: Scan) -> dict[str, np.ndarray]:
@@ -56,7 +57,7 @@ def save_pictures(folder: Path, found: dict[str, np.ndarray]) -> dict[str, dict]
         pages = list(np.atleast_3d(level.astype(np.uint16)) if level.ndim == 3 else [level])
         pages = [np.ascontiguousarray(p, np.uint16) for p in pages]
         file = f"{name}.tif"
-        done, data = cv2.imencodemulti(".tif", pages)
+        done, data = cv2.imencodemulti(".tif", pages, PLAIN)
         write_whole(folder / file, data.tobytes())
         scales[file] = {"offset": low - scale, "scale": scale}
     return scales
