@@ -78,7 +78,7 @@ def test_what_is_wrong_with_a_file_is_named(tmp_path):
 def test_a_folder_is_found_whole_and_read_in_batches(folder):
     capture = open_capture(folder)
     assert capture.size == (12, 16) and capture.dtype == np.uint8 and capture.full == 255
-    assert (capture.plain(0) == 0).all() and capture.plain(1) is None
+    assert (capture.colours() == 0).all() and capture.colours().shape == (12, 16, 3)
     sizes, steps = [], []
     for shots, frames in capture.batches(capture.of(0)):
         sizes.append(len(frames))

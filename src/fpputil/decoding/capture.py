@@ -50,11 +50,6 @@ class Capture:
         """Factor that makes grey levels of 0 to 255 of the camera's own."""
         return WHITE / self.full
 
-    def plain(self, step: int) -> np.ndarray | None:
-        """Photograph in plain light (step 0) or in none (step 1), if there is one, as it is."""
-        found = [s for s in self.shots if s.fringe < 0 and s.step == step]
-        return self._read(found[0]) if found else None
-
     def colours(self) -> np.ndarray | None:
         """Photograph in plain light as (H, W, 3) uint8 red, green, blue, if there is one."""
         found = [s for s in self.shots if s.fringe < 0 and s.step == 0]
