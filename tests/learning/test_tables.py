@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from fpputil.learning import tables
 from fpputil.learning.experiments import ROWS, SEEDS, seeded_name
 
 
-def invented(values, models=100, seed=0, spread=0.1):
+def invented(values, models=100, seed=0, spread=0.1, method="sfnet"):
     """Runs of a row, one a value: each with that MAE, a little other in every model."""
     rng = np.random.default_rng(seed)
     runs = []
@@ -17,7 +18,8 @@ def invented(values, models=100, seed=0, spread=0.1):
         e = value * (1 + spread * rng.standard_normal(models))
         sums = np.stack([np.full(models, 100.0), 100 * e, 100 * e**2], 1)
         kinds = {kind: sums.tolist() for kind, _ in tables.MEASURES.values()}
-        runs.append({"splits": {"test": {"models": list(range(models)), "sums": kinds}}})
+        test = {"models": list(range(models)), "sums": kinds}
+        runs.append({"method": {"method": method}, "splits": {"test": test}})
     return runs
 
 
@@ -44,21 +46,37 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         for name in SEEDS:
             values = 1 + 0.1 * rng.standard_normal(3)
             runs |= named(name, invented(values, seed=trial, spread=0.1))
-        values = tables.drawn(tables.seeds_of("sido", runs), "mae_rad", draws=200)
-        spread, freedom = tables.seed_spread(runs, "mae_rad")
-        value, low, high = tables.interval(values, spread * values[0] / math.sqrt(3), freedom)
-        held += low < 1 < high and freedom == 12
+        own = tables.seeds_of("sfnet", runs)
+        values = tables.drawn(own, "mae_rad", draws=200)
+        spread = tables.seed_spread(runs, "mae_rad")
+        moved = tables.moved_by_seeds([(own, values[0])], spread)
+        value, low, high = tables.interval(values, *moved)
+        held += low < 1 < high and moved[1] == pytest.approx(12)
     assert held >= 53  # of 60; 57 are expected, and 53 or more in 98 of 100 cases
 
 
-def test_a_row_with_one_seed_borrows_the_spread_of_the_others():
-    runs = named("sido", invented([0.9, 1.0, 1.1], spread=0)) | {
-        "sfnet": invented([1.0], spread=0)[0]
-    }
-    rows = {row.name: row for row in tables.table(3, runs)}
+def test_a_row_with_one_seed_borrows_the_spread_of_its_method():
+    runs = named("sfnet-a", invented([0.9, 1.0, 1.1], spread=0))
+    runs |= {"sfnet": invented([1.0], spread=0)[0]}
+    runs |= {"sido": invented([1.0], spread=0, method="sido")[0]}
+    rows = {row.name: row for n in (3, 4) for row in tables.table(n, runs)}
     widths = {k: np.ptp(row.measures["mae_rad"][1:]) / 2 for k, row in rows.items()}
     assert widths["sfnet"] == pytest.approx(4.303 * 0.1, rel=0.05)
-    assert widths["sido"] == pytest.approx(4.303 * 0.1 / math.sqrt(3), rel=0.05)
+    assert widths["sfnet-a"] == pytest.approx(4.303 * 0.1 / math.sqrt(3), rel=0.05)
+    assert widths["sido"] == pytest.approx(0, abs=1e-9)  # nothing is known of its seeds
+    above = np.ptp(rows["sfnet-a"].difference[1:]) / 2
+    assert above == pytest.approx(4.303 * 0.1 * math.sqrt(4 / 3), rel=0.05)
+
+
+def test_a_difference_of_methods_is_as_sure_as_welch_says():
+    """Seeds that move one method by 10 %, the other by 2 %; each keeps its own spread."""
+    wide, narrow = [0.9, 1.0, 1.1], [0.98, 1.0, 1.02]
+    runs = named("sido", invented(wide, spread=0, method="sido"))
+    runs |= named("sfnet", invented(narrow, spread=0))
+    rows = {row.name: row for row in tables.table(3, runs)}
+    found = stats.ttest_ind(wide, narrow, equal_var=False).confidence_interval(0.95)
+    assert rows["sido"].difference[1:] == pytest.approx((found.low, found.high), rel=0.01)
+    assert np.ptp(rows["sfnet"].measures["mae_rad"][1:]) < 0.12
 
 
 def test_differences_are_drawn_in_pairs():

@@ -2,8 +2,8 @@
 
 Two things make a mean uncertain: which models were measured, and which seed the network was
 trained from. Models are drawn anew (all runs are measured on the same, so that a difference is
-drawn pair by pair); how much a seed moves a measure is pooled over all rows with several seeds, in
-parts of the measure, and counts for rows with one seed, too.
+drawn pair by pair); how much a seed moves a measure is pooled over the rows of a method that have
+several seeds, in parts of the measure, and counts for its rows with one seed, too.
 """
 
 from __future__ import annotations
@@ -33,6 +33,9 @@ MEASURES = {
 
 Interval = tuple[float, float, float]
 """A value and the ends of its 95 % interval."""
+
+Spread = dict[str, tuple[float, int]]
+"""By method: standard deviation that a seed gives a measure, in parts of it; degrees of freedom."""
 
 
 def seeds_of(name: str, runs: dict[str, dict], several: bool = True) -> list[dict]:
@@ -77,22 +80,52 @@ def drawn(own: list[dict], measure: str, part=("splits", "test"), seed=0, draws=
     return (np.sqrt(values) if root else values).mean(axis=1)
 
 
-def seed_spread(runs: dict[str, dict], measure: str) -> tuple[float, int]:
-    """How much a seed moves a measure: standard deviation in parts of it, degrees of freedom.
+def seed_spread(runs: dict[str, dict], measure: str) -> Spread:
+    """How much a seed moves a measure of a method, in parts of it.
 
-    Pooled over the rows that have several seeds; (0, 0) if none has.
+    Pooled over the rows of the method that have several seeds; methods without one are left out.
     """
-    square, freedom = 0.0, 0
+    squares, freedoms = {}, {}
     for name in SEEDS:
         own = [run for run in seeds_of(name, runs) if _has(run, measure)]
         values = [drawn([run], measure, draws=1)[0] for run in own]
         if len(values) > 1 and np.mean(values) > 0:
-            square += np.sum((np.array(values) / np.mean(values) - 1) ** 2)
-            freedom += len(values) - 1
-    return (math.sqrt(square / freedom), freedom) if freedom else (0.0, 0)
+            method = _method(own)
+            square = np.sum((np.array(values) / np.mean(values) - 1) ** 2)
+            squares[method] = squares.get(method, 0.0) + square
+            freedoms[method] = freedoms.get(method, 0) + len(values) - 1
+    return {m: (math.sqrt(squares[m] / freedom), freedom) for m, freedom in freedoms.items()}
 
 
-def interval(values: np.ndarray, moved: float, freedom: int) -> Interval:
+def _method(own: list[dict]) -> str:
+    return own[0]["method"]["method"]
+
+
+def moved_by_seeds(rows: list[tuple[list[dict], float]], spread: Spread) -> tuple[float, float]:
+    """Standard deviation that seeds give to a row, or to the difference of two; degrees of freedom.
+
+    Where two methods meet, these are those of Welch and Satterthwaite.
+
+    Parameters
+    ----------
+    rows : list of (runs, value)
+        The runs of each row, one a seed, and the mean of the measure.
+    spread : dict
+        From `seed_spread`.
+    """
+    weights = {}
+    for own, value in rows:
+        weights[_method(own)] = weights.get(_method(own), 0.0) + value**2 / len(own)
+    parts = [
+        (spread[m][0] ** 2 * weight, spread[m][1]) for m, weight in weights.items() if m in spread
+    ]
+    total = sum(square for square, _ in parts)
+    if total == 0:
+        return 0.0, 0.0
+    return math.sqrt(total), total**2 / sum(square**2 / freedom for square, freedom in parts)
+
+
+def interval(values: np.ndarray, moved: float, freedom: float) -> Interval:
     """Value and 95 % interval, from its draws of models and from how far seeds move it.
 
     Parameters
@@ -101,7 +134,7 @@ def interval(values: np.ndarray, moved: float, freedom: int) -> Interval:
         From `drawn`, or a difference of two.
     moved : float
         Standard deviation that seeds give it.
-    freedom : int
+    freedom : float
         Degrees of freedom behind `moved`; 0 if nothing is known about seeds.
     """
     by_seeds = student.ppf(0.975, freedom) * moved if freedom else 0.0
@@ -141,9 +174,8 @@ def measures_of(own: list[dict], spreads: dict, part=("splits", "test")) -> dict
     for measure in MEASURES:
         if _has(own[0], measure):
             values = drawn(own, measure, part)
-            spread, freedom = spreads[measure]
-            moved = spread * values[0] / math.sqrt(len(own))
-            found[measure] = interval(values, moved, freedom)
+            moved = moved_by_seeds([(own, values[0])], spreads[measure])
+            found[measure] = interval(values, *moved)
     return found
 
 
@@ -155,10 +187,9 @@ def difference(
     a: list[dict], b: list[dict], spreads: dict, measure="mae_rad", part=("splits", "test")
 ):
     """A measure of one row above that of another, value and interval."""
-    pair = [drawn(own, measure, part) for own in (a, b)]
-    spread, freedom = spreads[measure]
-    moved = math.hypot(*(v[0] / math.sqrt(len(own)) for v, own in zip(pair, (a, b), strict=True)))
-    return interval(pair[0] - pair[1], spread * moved, freedom)
+    one, other = (drawn(own, measure, part) for own in (a, b))
+    moved = moved_by_seeds([(a, one[0]), (b, other[0])], spreads[measure])
+    return interval(one - other, *moved)
 
 
 def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
