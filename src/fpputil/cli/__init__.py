@@ -7,9 +7,6 @@ import errno
 import os
 import signal
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 from fpputil.cli import (
     calibrate,
@@ -23,6 +20,7 @@ from fpputil.cli import (
     system,
     train,
 )
+from fpputil.learning.signals import answered
 
 EPILOG = """exit codes: 0 done, 1 something is wrong with what was given or found, 2 wrong usage,
 130 stopped by Ctrl-C or SIGTERM"""
@@ -32,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run `fpp` with arguments, by default those of the process; returns the exit code."""
     options = _parser().parse_args(argv)
     try:
-        with _terminated_as_interrupted():
+        with answered(signal.default_int_handler, signal.SIGTERM):  # which then cleans up, too
             return options.run(options) or 0
     except KeyboardInterrupt:
         print(f"\nstopped; {options.go_on}", file=sys.stderr)
@@ -48,19 +46,6 @@ def main(argv: list[str] | None = None) -> int:
     except (ValueError, RuntimeError, ImportError, FloatingPointError) as error:
         print(f"fpp: {error}", file=sys.stderr)
         return 1
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends a command as Ctrl-C does: with its clean-up."""
-    if threading.current_thread() is not threading.main_thread():  # others get no signals
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 
 from fpputil.checks import whole
+from fpputil.learning.signals import answered
 
 PATIENCE = 10  # seconds that a scheduler has to answer
 
@@ -84,16 +85,8 @@ def _processes(workers: int) -> Iterator[Executor]:
             pool.shutdown(cancel_futures=True)
 
 
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+def _without_interrupts():
+    return answered(signal.SIG_IGN, signal.SIGINT)
 
 
 def _begin_worker() -> None:
