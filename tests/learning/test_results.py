@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -315,6 +316,15 @@ def test_the_command_prints_what_the_files_hold(found, capsys):
     assert said.count("to be made") == 35 - 4 and "hours of training in all" in said
     assert main(["results", "list", "--preset", "paper", "--results", str(found)]) == 0
     assert "hours of training in all" in capsys.readouterr().out
+
+
+def test_a_preset_of_one_seed_says_whose_seeds_it_borrows(found, tmp_path, capsys):
+    shutil.copytree(found / "tiny", tmp_path / "tiny")
+    (tmp_path / "small").mkdir()
+    shutil.copy(found / "tiny" / "sfnet.json", tmp_path / "small")
+    for preset, borrowed in (("tiny", False), ("small", True)):
+        assert main(["results", "table", "3", "--preset", preset, "--results", str(tmp_path)]) == 0
+        assert ("taken from tiny" in capsys.readouterr().out) == borrowed
 
 
 def test_runs_on_two_datasets_are_no_table(found, tmp_path):

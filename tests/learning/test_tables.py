@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fpputil.learning import tables
+from fpputil.learning import intervals, tables
 from fpputil.learning.experiments import ROWS, SEEDS, seeded_name
 
 
@@ -17,7 +17,7 @@ def invented(values, models=100, seed=0, spread=0.1, method="sfnet"):
     for value in values:
         e = value * (1 + spread * rng.standard_normal(models))
         sums = np.stack([np.full(models, 100.0), 100 * e, 100 * e**2], 1)
-        kinds = {kind: sums.tolist() for kind, _ in tables.MEASURES.values()}
+        kinds = {kind: sums.tolist() for kind, _ in intervals.MEASURES.values()}
         test = {"models": list(range(models)), "sums": kinds}
         runs.append({"method": {"method": method}, "splits": {"test": test}})
     return runs
@@ -46,11 +46,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         for name in SEEDS:
             values = 1 + 0.1 * rng.standard_normal(3)
             runs |= named(name, invented(values, seed=trial, spread=0.1))
-        own = tables.seeds_of("sfnet", runs)
-        values = tables.drawn(own, "mae_rad", draws=200)
-        spread = tables.seed_spread(runs, "mae_rad")
-        moved = tables.moved_by_seeds([(own, values[0])], spread)
-        value, low, high = tables.interval(values, *moved)
+        own = intervals.seeds_of("sfnet", runs)
+        values = intervals.drawn(own, "mae_rad", draws=200)
+        spread = intervals.seed_spread(runs, "mae_rad")
+        moved = intervals.moved_by_seeds([(own, values[0])], spread)
+        value, low, high = intervals.interval(values, *moved)
         held += low < 1 < high and moved[1] == pytest.approx(12)
     assert held >= 53  # of 60; 57 are expected, and 53 or more in 98 of 100 cases
 
@@ -66,6 +66,14 @@ def test_a_row_with_one_seed_borrows_the_spread_of_its_method():
     assert widths["sido"] == pytest.approx(0, abs=1e-9)  # nothing is known of its seeds
     above = np.ptp(rows["sfnet-a"].difference[1:]) / 2
     assert above == pytest.approx(4.303 * 0.1 * math.sqrt(4 / 3), rel=0.05)
+
+
+def test_runs_of_one_preset_borrow_the_seeds_of_another():
+    others = named("sfnet", invented([0.9, 1.0, 1.1], spread=0))
+    (row,) = tables.table(3, {"sfnet": invented([2.0], spread=0)[0]}, others)
+    value, low, high = row.measures["mae_rad"]
+    assert value == pytest.approx(2)
+    assert (high - low) / 2 == pytest.approx(4.303 * 0.1 * 2, rel=0.05)
 
 
 def test_a_difference_of_methods_is_as_sure_as_welch_says():
@@ -88,7 +96,7 @@ def test_differences_are_drawn_in_pairs():
     assert row.difference == pytest.approx((0.05, 0.05, 0.05))
     b["splits"]["test"]["models"].reverse()
     with pytest.raises(ValueError, match="different models"):
-        tables.drawn([a, b], "mae_rad")
+        intervals.drawn([a, b], "mae_rad")
 
 
 def test_tables_of_one_seed_take_seed_0_of_every_row():

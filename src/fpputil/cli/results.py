@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-TILE = 32  # pixels that every network halves without a rest: its work grows with their number
-
 
 def add_to(commands) -> None:
     """Add the command to those of `fpp`."""
@@ -64,43 +62,25 @@ def _table(part) -> None:
 
 
 def _print_list(options) -> None:
-    from fpputil.learning.experiments import SCENES, budget, experiments
-    from fpputil.learning.networks.measuring import cost
+    from fpputil.learning.effort import effort, speed
+    from fpputil.learning.experiments import experiments
     from fpputil.learning.results import read_results
-    from fpputil.optics.system import preset
 
-    camera = preset(options.preset).system.camera
-    runs = read_results(options.preset, options.results)
-    speed = _multiply_adds_a_second(options)
-    settings, left = budget(options.preset), 0.0
-    images = settings.epochs * (settings.views or SCENES)
-    tiles = -(-camera.height // TILE) * -(-camera.width // TILE)
-    for name, one in experiments(options.preset).items():
+    names, runs = experiments(options.preset), read_results(options.preset, options.results)
+    measured = speed(runs) or speed(read_results("tiny", options.results))
+    work = effort(options.preset, [name for name in names if name not in runs])
+    for name in names:
         if name in runs:
             found = runs[name]["splits"]["test"]["measures"]["mae_rad"][0]
             print(f"{name:24} MAE {found:.4f} rad, {runs[name]['seconds'] / 60:.1f} min")
-            continue
-        line = f"{name:24} to be made"
-        if speed:
-            work = cost(one.method.network(), (TILE, TILE)).multiply_adds * tiles
-            left += images * work / speed
-            line += f", about {images * work / speed / 60:.0f} min"
-        print(line)
-    if left:
-        print(f"{left / 3600:.1f} hours of training in all, at the speed of the runs that are "
+        elif measured:
+            print(f"{name:24} to be made, about {work[name] / measured / 60:.0f} min")
+        else:
+            print(f"{name:24} to be made")
+    if work and measured:
+        hours = sum(work.values()) / measured / 3600
+        print(f"{hours:.1f} hours of training in all, at the speed of the runs that are "
               "finished on this preset or, if none is, on tiny")  # fmt: skip
-
-
-def _multiply_adds_a_second(options) -> float | None:
-    """Of forward passes in training, from the runs that are finished."""
-    from statistics import median
-
-    from fpputil.learning.results import read_results
-
-    for name in (options.preset, "tiny"):
-        if runs := read_results(name, options.results).values():
-            return median(r["images"] * r["multiply_adds"] / r["seconds"] for r in runs)
-    return None
 
 
 def _data(options) -> Path:
@@ -158,13 +138,18 @@ def _print_table(options) -> None:
 
     number = int(options.number) if options.number.isdecimal() else options.number
     runs = read_results(options.preset, options.results)
-    rows = table(number, runs)
+    seeded = runs
+    if not any(run["seed"] for run in runs.values()):
+        seeded = read_results("tiny", options.results)
+    rows = table(number, runs, seeded)
     if not rows:
         raise ValueError(
             f"no run of table {number} is finished in {options.results / options.preset}; make "
             f"them: fpp results run all --preset {options.preset}"
         )
     control = runs["sfnet"]["splits"]["test"]["alone"] if "sfnet" in runs else None
+    if seeded is not runs:
+        print("one seed each; how far another moves a measure is taken from tiny")
     print(as_text(rows, control))
     print(differences_as_text(rows))
     if number == 6 and len(rows) > 2:

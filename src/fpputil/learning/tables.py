@@ -1,145 +1,22 @@
-"""Tables 3 to 6: the paper's values beside ours, out of the files of `results` (chapters 10, 11).
-
-Two things make a mean uncertain: which models were measured, and which seed the network was
-trained from. Models are drawn anew (all runs are measured on the same, so that a difference is
-drawn pair by pair); how much a seed moves a measure is pooled over the rows of a method that have
-several seeds, in parts of the measure, and counts for its rows with one seed, too.
-"""
+"""Tables 3 to 6: the paper's values beside ours, from the files of `results` (chapters 10, 11)."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from itertools import zip_longest
 
-import numpy as np
 from scipy.stats import kendalltau
-from scipy.stats import t as student
 
-from fpputil.checks import seeded, whole
-from fpputil.learning.experiments import ROWS, SEEDS, seeded_name
+from fpputil.learning.experiments import ROWS
+from fpputil.learning.intervals import (
+    MEASURES,
+    Interval,
+    difference,
+    measures_of,
+    seed_spread,
+    seeds_of,
+)
 from fpputil.learning.paper import PAPER
-
-MEASURES = {
-    "mae_rad": ("rad", False),
-    "rmse_rad": ("rad", True),
-    "mae_mm": ("mm", False),
-    "rmse_mm": ("mm", True),
-    "order_errors": ("order", False),
-    "spikes": ("spike", False),
-    "mae_high": ("high", False),
-    "mae_low": ("low", False),
-}
-"""Kind of the sums of each measure, and whether it is a root of squares."""
-
-Interval = tuple[float, float, float]
-"""A value and the ends of its 95 % interval."""
-
-Spread = dict[str, tuple[float, int]]
-"""By method: standard deviation that a seed gives a measure, in parts of it; degrees of freedom."""
-
-
-def seeds_of(name: str, runs: dict[str, dict], several: bool = True) -> list[dict]:
-    """The finished runs of a row, one a seed, or that of seed 0 alone."""
-    seeds = SEEDS.get(name, (0,)) if several else (0,)
-    names = [seeded_name(name, seed) for seed in seeds]
-    return [runs[n] for n in names if n in runs]
-
-
-def drawn(own: list[dict], measure: str, part=("splits", "test"), seed=0, draws=1000) -> np.ndarray:
-    """A measure of a row, the mean over its seeds, for all models and for each draw of models.
-
-    Parameters
-    ----------
-    own : list of dict
-        Runs of the row, one a seed.
-    measure : str
-        One of `MEASURES`.
-    part : (str, str)
-        ("splits", "test"), ("splits", "held-out") or ("conditions", name).
-    seed : int
-        Of the draws. With the same seed, rows are drawn alike and may be subtracted.
-
-    Returns
-    -------
-    (draws + 1,) array
-
-    Raises
-    ------
-    ValueError
-        If the runs were measured on different models.
-    """
-    kind, root = MEASURES[measure]
-    parts = [run[part[0]][part[1]] for run in own]
-    if len({tuple(p["models"]) for p in parts}) != 1:
-        raise ValueError("runs measured on different models given; they cannot be compared")
-    sums = np.array([p["sums"][kind] for p in parts], float)  # (seeds, models, 3)
-    number = sums.shape[1]
-    times = seeded(seed).multinomial(number, np.full(number, 1 / number), whole("draws", draws, 1))
-    pooled = np.einsum("dm,smk->dsk", np.vstack([np.ones(number), times]), sums)
-    values = pooled[..., 2 if root else 1] / pooled[..., 0]
-    return (np.sqrt(values) if root else values).mean(axis=1)
-
-
-def seed_spread(runs: dict[str, dict], measure: str) -> Spread:
-    """How much a seed moves a measure of a method, in parts of it.
-
-    Pooled over the rows of the method that have several seeds; methods without one are left out.
-    """
-    squares, freedoms = {}, {}
-    for name in SEEDS:
-        own = [run for run in seeds_of(name, runs) if _has(run, measure)]
-        values = [drawn([run], measure, draws=1)[0] for run in own]
-        if len(values) > 1 and np.mean(values) > 0:
-            method = _method(own)
-            square = np.sum((np.array(values) / np.mean(values) - 1) ** 2)
-            squares[method] = squares.get(method, 0.0) + square
-            freedoms[method] = freedoms.get(method, 0) + len(values) - 1
-    return {m: (math.sqrt(squares[m] / freedom), freedom) for m, freedom in freedoms.items()}
-
-
-def _method(own: list[dict]) -> str:
-    return own[0]["method"]["method"]
-
-
-def moved_by_seeds(rows: list[tuple[list[dict], float]], spread: Spread) -> tuple[float, float]:
-    """Standard deviation that seeds give to a row, or to the difference of two; degrees of freedom.
-
-    Where two methods meet, these are those of Welch and Satterthwaite.
-
-    Parameters
-    ----------
-    rows : list of (runs, value)
-        The runs of each row, one a seed, and the mean of the measure.
-    spread : dict
-        From `seed_spread`.
-    """
-    weights = {}
-    for own, value in rows:
-        weights[_method(own)] = weights.get(_method(own), 0.0) + value**2 / len(own)
-    parts = [
-        (spread[m][0] ** 2 * weight, spread[m][1]) for m, weight in weights.items() if m in spread
-    ]
-    total = sum(square for square, _ in parts)
-    if total == 0:
-        return 0.0, 0.0
-    return math.sqrt(total), total**2 / sum(square**2 / freedom for square, freedom in parts)
-
-
-def interval(values: np.ndarray, moved: float, freedom: float) -> Interval:
-    """Value and 95 % interval, from its draws of models and from how far seeds move it.
-
-    Parameters
-    ----------
-    values : (draws + 1,) array
-        From `drawn`, or a difference of two.
-    moved : float
-        Standard deviation that seeds give it.
-    freedom : float
-        Degrees of freedom behind `moved`; 0 if nothing is known about seeds.
-    """
-    by_seeds = student.ppf(0.975, freedom) * moved if freedom else 0.0
-    half = math.hypot(1.96 * values[1:].std(), by_seeds)
-    return float(values[0]), float(values[0] - half), float(values[0] + half)
 
 
 @dataclass(frozen=True)
@@ -168,31 +45,7 @@ class Row:
     paper: tuple[float, ...] | None
 
 
-def measures_of(own: list[dict], spreads: dict, part=("splits", "test")) -> dict:
-    """Each of `MEASURES` that a row has, value and interval; `seed_spread` of each is given."""
-    found = {}
-    for measure in MEASURES:
-        if _has(own[0], measure):
-            values = drawn(own, measure, part)
-            moved = moved_by_seeds([(own, values[0])], spreads[measure])
-            found[measure] = interval(values, *moved)
-    return found
-
-
-def _has(run: dict, measure: str) -> bool:
-    return MEASURES[measure][0] in run["splits"]["test"]["sums"]
-
-
-def difference(
-    a: list[dict], b: list[dict], spreads: dict, measure="mae_rad", part=("splits", "test")
-):
-    """A measure of one row above that of another, value and interval."""
-    one, other = (drawn(own, measure, part) for own in (a, b))
-    moved = moved_by_seeds([(a, one[0]), (b, other[0])], spreads[measure])
-    return interval(one - other, *moved)
-
-
-def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
+def table(number: int | str, runs: dict[str, dict], seeded: dict | None = None) -> list[Row]:
     """Rows of a table whose runs are finished; Tables 3 and 4 over all seeds, the others seed 0.
 
     Parameters
@@ -201,6 +54,9 @@ def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
         3 to 6, or "ours".
     runs : dict
         From `read_results`.
+    seeded : dict, optional
+        Runs of another preset, from whose seeds to tell how far a seed moves a measure; by
+        default from those of `runs`.
 
     Raises
     ------
@@ -211,7 +67,7 @@ def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
         raise ValueError(f"table {number!r} given; the tables are {', '.join(map(str, ROWS))}")
     several, rows = number in (3, 4), []
     reference = seeds_of("sfnet", runs, several)
-    spreads = {measure: seed_spread(runs, measure) for measure in MEASURES}
+    spreads = {measure: seed_spread(seeded or runs, measure) for measure in MEASURES}
     for label, name in ROWS[number].items():
         if not (own := seeds_of(name, runs, several)):
             continue
@@ -222,14 +78,14 @@ def table(number: int | str, runs: dict[str, dict]) -> list[Row]:
 
 
 COLUMNS = {
-    "mae_rad": ("MAE, rad", 1, 4, 13),
-    "rmse_rad": ("RMSE, rad", 1, 3, 11),
-    "mae_mm": ("MAE, mm", 1, 2, 10),
-    "rmse_mm": ("RMSE, mm", 1, 1, 9),
-    "order_errors": ("orders, %", 100, 2, 10),
-    "spikes": ("spikes, %", 100, 2, 10),
+    "mae_rad": ("MAE, rad", 1, 4),
+    "rmse_rad": ("RMSE, rad", 1, 3),
+    "mae_mm": ("MAE, mm", 1, 2),
+    "rmse_mm": ("RMSE, mm", 1, 1),
+    "order_errors": ("orders, %", 100, 2),
+    "spikes": ("spikes, %", 100, 2),
 }
-"""Title of each measure that is printed, what it is multiplied with, decimals, characters."""
+"""Title of each measure that is printed, what it is multiplied with, decimals."""
 
 
 def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
@@ -241,26 +97,20 @@ def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
     control : dict, optional
         Measures of phi_h of SFNet alone, as ``run["splits"]["test"]["alone"]`` has them.
     """
-    first = max(14, *(len(row.label) for row in rows))
-    widths = [width for *_, width in COLUMNS.values()]
-    titles = (title for title, *_ in COLUMNS.values())
-    lines = [f"{'seeds':>{first + 3}} {_joined(titles, widths)}"]
+    lines = [["", "seeds", *(title for title, *_ in COLUMNS.values())]]
     for row in rows:
-        lines.append(f"{row.label:{first}}{row.seeds:3} {_joined(_cells(row.measures), widths)}")
+        lines.append([row.label, f"{row.seeds:5}", *_cells(row.measures)])
         if row.paper:
-            values = (f"{x:.4f}" for x in row.paper)
-            lines.append(f"{'  in the paper':{first + 3}} {_joined(values, widths)}")
+            lines.append(["  in the paper", "", *(f"{x:.4f}" for x in row.paper)])
     if control:
-        lines.append(f"{'phi_h alone':{first + 3}} {_joined(_cells(control), widths)}")
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def _joined(cells, widths) -> str:
-    return " ".join(f"{cell:{width}}" for cell, width in zip(cells, widths, strict=False))
+        lines.append(["phi_h alone", "", *_cells(control)])
+    widths = [max(map(len, column)) for column in zip_longest(*lines, fillvalue="")]
+    padded = (map(str.ljust, line, widths) for line in lines)
+    return "\n".join(" ".join(line).rstrip() for line in padded)
 
 
 def _cells(measures: dict[str, Interval]) -> list[str]:
-    return [_plus_minus(measures[key], *how) for key, (_, *how, _) in COLUMNS.items()]
+    return [_plus_minus(measures[key], *how) for key, (_, *how) in COLUMNS.items()]
 
 
 def _plus_minus(found: Interval, scale: float, decimals: int) -> str:
