@@ -134,7 +134,10 @@ def test_a_row_in_one_line():
     assert tables.as_line("sido", rows) == "not made yet"
     line = tables.as_line("sfnet", rows).split(", ")
     assert len(line) == len(rows[0].paper) == 4
-    assert line[0].startswith(f"{rows[0].measures['mae_rad'][0]:.4f}±")
+    assert line[0].startswith(f"{rows[0].measures['mae_rad'][0]:.3f}±")
+    for value, printed in ((0.12346, "0.1235±"), (12.346, "12.35±"), (23456.7, "23457±")):
+        (row,) = tables.table(3, {"sfnet": invented([value], spread=0)[0]})
+        assert tables.as_line("sfnet", [row]).startswith(printed)
 
 
 def test_a_measure_that_is_not_known_is_a_dash():

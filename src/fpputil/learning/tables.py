@@ -97,13 +97,14 @@ def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
     control : dict, optional
         Measures of phi_h of SFNet alone, as ``run["splits"]["test"]["alone"]`` has them.
     """
-    lines = [["", "seeds", *(title for title, *_ in COLUMNS.values())]]
+    first = max(14, *(len(row.label) for row in rows))
+    lines = [[f"{'seeds':>{first + 3}}", *(title for title, *_ in COLUMNS.values())]]
     for row in rows:
-        lines.append([row.label, f"{row.seeds:5}", *_cells(row.measures)])
+        lines.append([f"{row.label:{first}}{row.seeds:3}", *_cells(row.measures)])
         if row.paper:
-            lines.append(["  in the paper", "", *(f"{x:.4f}" for x in row.paper)])
+            lines.append(["  in the paper", *(f"{x:.4f}" for x in row.paper)])
     if control:
-        lines.append(["phi_h alone", "", *_cells(control)])
+        lines.append(["phi_h alone", *_cells(control)])
     widths = [max(map(len, column)) for column in zip_longest(*lines, fillvalue="")]
     padded = (map(str.ljust, line, widths) for line in lines)
     return "\n".join(" ".join(line).rstrip() for line in padded)
@@ -117,6 +118,8 @@ def _plus_minus(found: Interval, scale: float, decimals: int) -> str:
     if None in found:
         return "-"
     value, low, high = (scale * x for x in found)
+    if value >= 1:  # four digits are enough
+        decimals = max(0, min(decimals, 4 - len(f"{value:.0f}")))
     return f"{value:.{decimals}f}±{(high - low) / 2:.{decimals}f}"
 
 
