@@ -11,10 +11,11 @@ import torch
 from filelock import FileLock
 
 from fpputil.cli import main
-from fpputil.learning import assessment, experiments, rates, results, tables
+from fpputil.learning import assessment, experiments, naming, rates, results, tables
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.experiments import ROWS, SEEDS, budget, methods, seeded_name
 from fpputil.learning.inspection import DISTANCES, Inspection
+from fpputil.learning.store import open_store
 from fpputil.learning.weights import load_weights
 
 KINDS = ("sfnet", "sido", "psnet", "dlalnet")
@@ -94,6 +95,7 @@ def test_what_a_run_leaves(found, small_set):
     assert run["settings"]["rate"] == rates.best_rate(found / "tiny" / "rates.json", "sfnet")
     assert len(run["history"]) == 2 and run["seconds"] > 0
     assert run["hardware"]["torch"] == torch.__version__
+    assert run["content"] == run["data"] == open_store(small_set).manifest["content"]
     trained = load_weights(weights_of(found, "sfnet"))
     data = open_split(trained, small_set, "test")
     both, alone = evaluate(trained, data)
@@ -142,7 +144,7 @@ def test_pictures_are_errors_of_test_views(found, small_set):
 
 def test_the_truth_of_the_pictures_is_kept_once(found, small_set):
     data = open_split(load_weights(weights_of(found, "sido")), small_set, "test")
-    with np.load(found / "tiny" / assessment.VIEWS) as file:
+    with np.load(found / "tiny" / naming.VIEWS) as file:
         for k, index in enumerate(data.indices):
             for name in assessment.TRUTH:
                 np.testing.assert_array_equal(file[f"{index}-{name}"], data[k][name].numpy())
@@ -153,6 +155,15 @@ def test_a_finished_run_is_not_made_again(found, small_set, monkeypatch):
     monkeypatch.setattr(results, "fit", None)
     assert make("sido", small_set, found)["name"] == "sido"
     assert (found / "tiny" / "sido.json").read_bytes() == before
+
+
+def test_nor_where_another_processor_rounded_its_dataset(found, small_set, tmp_path, monkeypatch):
+    shutil.copytree(found / "tiny", tmp_path / "tiny")
+    for name in (*KINDS[:3], "sfnet-seed-1"):
+        run = json.loads((path := tmp_path / "tiny" / f"{name}.json").read_text())
+        path.write_text(json.dumps(run | {"data": "another"}))
+    monkeypatch.setattr(results, "fit", None)
+    assert make("sido", small_set, tmp_path)["data"] == "another"
 
 
 def test_a_stopped_run_goes_on_to_the_same_numbers(found, small_set, tmp_path, monkeypatch):
@@ -176,9 +187,9 @@ def test_a_stopped_run_goes_on_to_the_same_numbers(found, small_set, tmp_path, m
 
 def test_a_run_under_way_elsewhere_is_left_to_others(found, small_set, capsys, monkeypatch):
     """Others come first; then one waits for it."""
-    wanted = experiments.experiments("tiny")["sido"]
+    known = experiments.experiments("tiny")
     before = found / "tiny" / "sido.json"
-    _, about = results._wanted("sido", "tiny", wanted, small_set, found)
+    _, about = results._wanted("sido", "tiny", known, small_set, found)
     assert results.finished(before, about) is not None
     folder = weights_of(found, "sido").parent
     lock, waited = FileLock(folder / ".lock"), []
@@ -222,8 +233,8 @@ def test_other_settings_are_another_run(found, small_set, monkeypatch):
     monkeypatch.setattr(results, "budget", lambda preset: longer)
     with pytest.raises(ValueError, match=r"sfnet\.json was made with other settings .* sfnet"):
         results.read_results("tiny", found)
-    wanted = experiments.experiments("tiny")["psnet"]
-    _, about = results._wanted("psnet", "tiny", wanted, small_set, found)
+    known = experiments.experiments("tiny")
+    _, about = results._wanted("psnet", "tiny", known, small_set, found)
     assert results.finished(found / "tiny" / "psnet.json", about) is None
 
 

@@ -14,10 +14,11 @@ from fpputil.learning.batches import spread
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.inspection import Inspection
 from fpputil.learning.metrics import Score
+from fpputil.learning.naming import VIEWS
 from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained
 
-VIEWS, TRUTH = "views.npz", ("mask", "Phi", "modulation", "depth")
+TRUTH = ("mask", "Phi", "modulation", "depth")
 PICTURES = 6  # test views whose errors are kept pixel by pixel
 SPLITS = ("test", "held-out")
 CONDITIONS = {

@@ -1,0 +1,77 @@
+"""A dataset keeps its name in results where only its rounding differs."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fpputil.learning.naming import VIEWS, dataset_name
+from fpputil.learning.store import open_store
+from fpputil.learning.synthfringe import SynthFringe
+
+KEPT = ("mask", "Phi", "modulation", "depth")
+
+
+@pytest.fixture
+def views(small_set):
+    """The truth of all test views, as results keep it."""
+    data = SynthFringe(small_set, "test")
+    return {f"{i}-{n}": data[k][n].numpy() for k, i in enumerate(data.indices) for n in KEPT}
+
+
+@pytest.fixture
+def named(small_set, tmp_path):
+    """The name of the dataset beside results on one that another machine made."""
+
+    def name(views, *others):
+        files = [tmp_path / "missing.json"]
+        for other in others or ("another",):
+            files.append(tmp_path / f"{other}.json")
+            files[-1].write_text(json.dumps({"data": other}))
+        if views is not None:
+            np.savez(tmp_path / VIEWS, **views)
+        return dataset_name(small_set, files, tmp_path / VIEWS)
+
+    return name
+
+
+def changed(views, name, how):
+    return views | {k: how(v.copy()) for k, v in views.items() if k.endswith(f"-{name}")}
+
+
+def one_pixel(values):
+    values.flat[np.flatnonzero(values)[0]] = 0
+    return values
+
+
+def test_rounding_keeps_the_name(views, named):
+    assert named(views) == "another"
+    assert named(changed(views, "Phi", lambda x: np.nextafter(x, np.float32(1e3)))) == "another"
+    assert named(changed(views, "mask", one_pixel)) == "another"
+
+
+@pytest.mark.parametrize(
+    "name, how",
+    [
+        ("Phi", lambda x: x + np.float32(0.01)),
+        ("Phi", lambda x: x * np.float32("nan")),
+        ("modulation", lambda x: x * np.float32(0.9)),
+        ("mask", lambda x: np.zeros_like(x)),
+        ("mask", lambda x: x[:-1]),
+    ],
+)
+def test_another_dataset_has_its_own_name(small_set, views, named, name, how):
+    assert named(changed(views, name, how)) == open_store(small_set).manifest["content"]
+
+
+def test_nothing_to_compare_with(small_set, views, named):
+    own = open_store(small_set).manifest["content"]
+    assert named(None) == own
+    assert named(views, "one", "two") == own
+    assert named({k.replace("-", "00-"): v for k, v in views.items()}) == own  # of other numbers
+
+
+def test_views_that_are_cut(named, tmp_path):
+    (tmp_path / VIEWS).write_bytes(b"PK")
+    with pytest.raises(ValueError, match="views.npz keeps no test views"):
+        named(None)
