@@ -127,6 +127,9 @@ def test_differences_that_are_not_sure_are_named():
     lines = tables.differences_as_text(tables.table(3, runs)).splitlines()
     assert [line.split()[0] for line in lines[1:]] == ["SIDO", "PSNet"]
     assert lines[1].endswith("not told apart") and "told" not in lines[2]
+    for alone in ("sfnet", "sido"):
+        (line,) = tables.differences_as_text(tables.table(3, {alone: runs[alone]})).splitlines()
+        assert "not made yet" in line
 
 
 def test_a_row_in_one_line():

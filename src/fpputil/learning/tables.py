@@ -131,6 +131,8 @@ def as_line(name: str, rows: list[Row]) -> str:
 
 def differences_as_text(rows: list[Row]) -> str:
     """By how much the MAE of each row lies above SFNet's, with its interval, row by row."""
+    if not any(row.difference for row in rows):
+        return "no MAE above or below SFNet's: SFNet is not made yet, or nothing beside it"
     lines = ["MAE above that of SFNet, rad"]
     for row in rows:
         if row.difference:
