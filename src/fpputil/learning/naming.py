@@ -35,24 +35,22 @@ def read_json(path: Path, *needed: str) -> dict:
 def dataset_name(data: str | Path, files: Iterable[Path], views: Path) -> str:
     """Checksum by which results name a dataset.
 
-    It is the dataset's own, unless the files of results that are there are about one dataset and
-    its test views are these, rounding apart: then it is that one's. Another kind of processor
-    rounds the last bit of some phases otherwise, and a single bit makes another checksum.
+    It is the dataset's own, unless there are results already and the test views beside them are
+    these, rounding apart: then it is the one that they name. Another kind of processor rounds the
+    last bit of some phases otherwise, and a single bit makes another checksum.
 
     Parameters
     ----------
     data : path
         A dataset.
     files : iterable of Path
-        Files of results, there or not.
+        Files of results, there or not; the first that is there counts.
     views : Path
         The file `VIEWS` beside them, there or not.
     """
     content = open_store(data).manifest["content"]
-    named = {read_json(file, "data")["data"] for file in files if file.is_file()}
-    if content in named or len(named) != 1 or not same_views(data, views):
-        return content
-    return named.pop()
+    named = next((read_json(file, "data")["data"] for file in files if file.is_file()), content)
+    return named if named == content or same_views(data, views) else content
 
 
 def same_views(data: str | Path, path: Path) -> bool:

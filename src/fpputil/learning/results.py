@@ -102,7 +102,7 @@ def _wanted(name: str, preset: str, known: dict[str, Experiment], data, results:
         "name": name,
         "preset": preset,
         "seed": one.seed,
-        "data": dataset_name(data, [folder / f"{other}.json" for other in known], folder / VIEWS),
+        "data": dataset_name(data, (folder / f"{n}.json" for n in (name, *known)), folder / VIEWS),
         "method": settings_of(one.method),
         "settings": plain(asdict(settings)),
     }
