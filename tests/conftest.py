@@ -1,11 +1,16 @@
 """Shared scenes: built once a run."""
 
+import signal
+
 import pytest
 
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycast import raycast
 from fpputil.optics.shapes import sphere
 from fpputil.optics.system import preset
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a script: ``test &``
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
