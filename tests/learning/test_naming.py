@@ -3,30 +3,26 @@
 import numpy as np
 import pytest
 
+from fpputil.learning.assessment import TRUTH
 from fpputil.learning.naming import VIEWS, dataset_name
 from fpputil.learning.store import open_store
 from fpputil.learning.synthfringe import SynthFringe
-
-KEPT = ("mask", "Phi", "modulation", "depth")
 
 
 @pytest.fixture
 def views(small_set):
     """The truth of all test views, as results keep it."""
     data = SynthFringe(small_set, "test")
-    return {f"{i}-{n}": data[k][n].numpy() for k, i in enumerate(data.indices) for n in KEPT}
+    return {f"{i}-{n}": data[k][n].numpy() for k, i in enumerate(data.indices) for n in TRUTH}
 
 
 @pytest.fixture
 def named(small_set, tmp_path):
-    """The name of the dataset beside results on one that another machine made."""
+    """The name of the dataset beside the views of one that another machine made."""
 
     def name(views):
-        files = [tmp_path / name for name in ("missing.json", "there.json")]
-        files[1].write_text('{"data": "another"}')
-        if views is not None:
-            np.savez(tmp_path / VIEWS, **views)
-        return dataset_name(small_set, files, tmp_path / VIEWS)
+        np.savez(tmp_path / VIEWS, data=np.array("another"), **views)
+        return dataset_name(open_store(small_set), tmp_path / VIEWS)
 
     return name
 
@@ -61,13 +57,17 @@ def test_another_dataset_has_its_own_name(small_set, views, named, name, how):
 
 
 def test_nothing_to_compare_with(small_set, views, named, tmp_path):
-    own = open_store(small_set).manifest["content"]
-    assert named(None) == own
-    assert dataset_name(small_set, [], tmp_path / VIEWS) == own
-    assert named({k.replace("-", "00-"): v for k, v in views.items()}) == own  # of other numbers
+    store = open_store(small_set)
+    assert dataset_name(store, tmp_path / VIEWS) == store.manifest["content"]
+    others = {k.replace("-", "00-"): v for k, v in views.items()}  # of other numbers
+    assert named(others) == store.manifest["content"]
 
 
-def test_views_that_are_cut(named, tmp_path):
-    (tmp_path / VIEWS).write_bytes(b"PK")
+@pytest.mark.parametrize("lacking", ["data", "Phi", "-", "all"])
+def test_views_that_are_cut(small_set, views, tmp_path, lacking):
+    kept = {k: v for k, v in {"data": np.array("another"), **views}.items() if lacking not in k}
+    np.savez(tmp_path / VIEWS, **kept)
+    if lacking == "all":
+        (tmp_path / VIEWS).write_bytes(b"PK")
     with pytest.raises(ValueError, match="views.npz keeps no test views"):
-        named(None)
+        dataset_name(open_store(small_set), tmp_path / VIEWS)

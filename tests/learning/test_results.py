@@ -162,6 +162,16 @@ def test_nor_where_another_processor_rounded_its_dataset(found, small_set, tmp_p
     for name in (*KINDS[:3], "sfnet-seed-1"):
         run = json.loads((path := tmp_path / "tiny" / f"{name}.json").read_text())
         path.write_text(json.dumps(run | {"data": "another"}))
+    with np.load(path := tmp_path / "tiny" / naming.VIEWS) as file:
+        views = dict(file)
+    np.savez(path, **views | {"data": np.array("another")})
+    before = path.read_bytes()
+    (tmp_path / "tiny" / "psnet.json").unlink()
+    made = make("psnet", small_set, tmp_path)
+    assert made["data"] == "another"
+    assert made["content"] == open_store(small_set).manifest["content"]
+    assert path.read_bytes() == before
+    assert set(results.read_results("tiny", tmp_path)) == {*KINDS[:3], "sfnet-seed-1"}
     monkeypatch.setattr(results, "fit", None)
     assert make("sido", small_set, tmp_path)["data"] == "another"
 
@@ -187,9 +197,9 @@ def test_a_stopped_run_goes_on_to_the_same_numbers(found, small_set, tmp_path, m
 
 def test_a_run_under_way_elsewhere_is_left_to_others(found, small_set, capsys, monkeypatch):
     """Others come first; then one waits for it."""
-    known = experiments.experiments("tiny")
+    wanted = experiments.experiments("tiny")["sido"]
     before = found / "tiny" / "sido.json"
-    _, about = results._wanted("sido", "tiny", known, small_set, found)
+    _, about = results._wanted("sido", "tiny", wanted, small_set, found)
     assert results.finished(before, about) is not None
     folder = weights_of(found, "sido").parent
     lock, waited = FileLock(folder / ".lock"), []
@@ -233,8 +243,8 @@ def test_other_settings_are_another_run(found, small_set, monkeypatch):
     monkeypatch.setattr(results, "budget", lambda preset: longer)
     with pytest.raises(ValueError, match=r"sfnet\.json was made with other settings .* sfnet"):
         results.read_results("tiny", found)
-    known = experiments.experiments("tiny")
-    _, about = results._wanted("psnet", "tiny", known, small_set, found)
+    wanted = experiments.experiments("tiny")["psnet"]
+    _, about = results._wanted("psnet", "tiny", wanted, small_set, found)
     assert results.finished(found / "tiny" / "psnet.json", about) is None
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
-from fpputil.checks import write_whole
+from fpputil.checks import write_arrays
 from fpputil.learning.augmentation import Augmentation
 from fpputil.learning.batches import spread
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.inspection import Inspection
 from fpputil.learning.metrics import Score
-from fpputil.learning.naming import VIEWS
+from fpputil.learning.naming import VIEWS, dataset_name
 from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained
 
@@ -49,7 +48,7 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         The dataset.
     pictures : Path
         File for the errors (P,) of some test views, by number, at the pixels of their masks. Their
-        masks, phases, modulation and depths go to `VIEWS` beside it.
+        masks, phases, modulation and depths go to `VIEWS` beside it, with the dataset's name.
     **loading
         Options of `predictions`.
 
@@ -70,8 +69,10 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         if split == "test":
             kept = [seen.inspections[model].sums() for model in both.models]
             found["splits"][split]["inspection"] = kept
-            _write_arrays(pictures, seen.kept)
-            _write_arrays(pictures.with_name(VIEWS), seen.truth)
+            write_arrays(pictures, seen.kept)
+            views, name = pictures.with_name(VIEWS), opened.store.manifest["content"]
+            if dataset_name(opened.store, views) == name:  # or they are there, as rounded first
+                write_arrays(views, {"data": np.array(name), **seen.truth})
     for name, options in CONDITIONS.items():
         camera = Augmentation(**{k: (v, v) for k, v in options.items() if k != "texture"})
         texture = options.get("texture", 0.0)
@@ -102,12 +103,6 @@ class _Seen:
         if int(item["index"]) in self.chosen:
             self.kept[f"{item['index']}"] = (found.Phi - item["Phi"])[item["mask"]]
             self.truth |= {f"{item['index']}-{k}": item[k] for k in TRUTH}
-
-
-def _write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    file = io.BytesIO()
-    np.savez_compressed(file, **arrays)
-    write_whole(path, file.getvalue())
 
 
 def inspected(runs: Iterable[dict]) -> dict:

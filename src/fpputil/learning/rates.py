@@ -13,7 +13,7 @@ from fpputil.checks import write_whole
 from fpputil.learning.devices import device_of, hardware
 from fpputil.learning.experiments import RATES, SEARCH, SEARCHED, methods
 from fpputil.learning.methods import method_of, settings_of
-from fpputil.learning.naming import VIEWS, dataset_name, read_json
+from fpputil.learning.naming import VIEWS, dataset_name
 from fpputil.learning.run import plain
 from fpputil.learning.store import open_store
 from fpputil.learning.training import fit
@@ -55,7 +55,7 @@ def search(data: str | Path, path: str | Path, kinds=None, **how) -> dict[str, f
     if (made := store.manifest["settings"]["preset"]) != "tiny":
         raise ValueError(f"{data} was made with the preset {made}; rates are searched at tiny")
     about = {
-        "data": dataset_name(data, [path], path.with_name(VIEWS)),
+        "data": dataset_name(store, path.with_name(VIEWS)),
         "settings": plain(asdict(SEARCH)),
         "methods": {kind: settings_of(known[kind]) for kind in SEARCHED},
     }
@@ -118,3 +118,14 @@ def best_rate(path: str | Path, kind: str) -> float:
     if _next_rate(tried) is not None:
         raise ValueError(f"{path} lacks rates of {kind}; go on searching: fpp results rates {kind}")
     return _best(tried)
+
+
+def read_json(path: Path, *needed: str) -> dict:
+    """A JSON file of results; ValueError with its path if it is cut or lacks what is needed."""
+    try:
+        found = json.loads(path.read_text())
+        if lacking := [name for name in needed if name not in found]:
+            raise ValueError(f"no {lacking[0]} in it")
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path} is no file of results ({error}); remove it") from error
+    return found

@@ -17,9 +17,9 @@ from fpputil.checks import write_whole
 from fpputil.learning.assessment import SPLITS, assess
 from fpputil.learning.experiments import Experiment, budget, experiments
 from fpputil.learning.methods import method_of, settings_of
-from fpputil.learning.naming import VIEWS, dataset_name, read_json
+from fpputil.learning.naming import VIEWS, dataset_name
 from fpputil.learning.networks.measuring import cost
-from fpputil.learning.rates import best_rate
+from fpputil.learning.rates import best_rate, read_json
 from fpputil.learning.run import CHECKPOINT, plain
 from fpputil.learning.store import open_store
 from fpputil.learning.trainer import WEIGHTS
@@ -69,7 +69,7 @@ def run(
     known, results = experiments(preset), Path(results)
     if name not in known:
         raise ValueError(f"run {name!r} given; the runs are {', '.join(known)}")
-    settings, about = _wanted(name, preset, known, data, results)
+    settings, about = _wanted(name, preset, known[name], data, results)
     path = results / preset / f"{name}.json"
     mark = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:8]
     folder = Path(work) / preset / f"{name}-{mark}"
@@ -88,9 +88,8 @@ def run(
     return read_result(path)
 
 
-def _wanted(name: str, preset: str, known: dict[str, Experiment], data, results: Path):
+def _wanted(name: str, preset: str, one: Experiment, data, results: Path):
     """Settings of a run, and all that makes it what it is."""
-    one, folder = known[name], results / preset
     store = open_store(data)
     if (made := store.manifest["settings"]["preset"]) != preset:
         raise ValueError(f"{data} was made with the preset {made}, and {preset} is asked for")
@@ -102,7 +101,7 @@ def _wanted(name: str, preset: str, known: dict[str, Experiment], data, results:
         "name": name,
         "preset": preset,
         "seed": one.seed,
-        "data": dataset_name(data, (folder / f"{n}.json" for n in (name, *known)), folder / VIEWS),
+        "data": dataset_name(store, results / preset / VIEWS),
         "method": settings_of(one.method),
         "settings": plain(asdict(settings)),
     }
