@@ -21,8 +21,8 @@ import trimesh
 
 from benchmarks import captures, cycles, loading, networks, rivals
 from benchmarks.timing import median_seconds
-from fpputil.checks import write_whole
 from fpputil.decoding.decoder import BLOCK, decode
+from fpputil.files import write_whole
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycast import raycast
 from fpputil.optics.system import preset

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 
 from benchmarks.timing import median_seconds
+from fpputil.capture.measurement import scan
+from fpputil.capture.patterns import Patterns
+from fpputil.capture.photographs import open_capture
 from fpputil.cli import main
-from fpputil.decoding.capture import open_capture
-from fpputil.decoding.scan import scan
 from fpputil.optics.fringes import fringe_set
-from fpputil.optics.patterns import Patterns
 
 SIZE = (1200, 1920)
 

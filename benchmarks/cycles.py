@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fpputil.checks import write_whole
+from fpputil.files import write_whole
 from fpputil.optics import blender
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycast import raycast

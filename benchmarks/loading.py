@@ -11,12 +11,12 @@ import torch
 from torch.utils.data import DataLoader
 
 from benchmarks.networks import training_seconds
-from fpputil.learning.augmentation import Augmentation
+from fpputil.dataset.augmentation import Augmentation
+from fpputil.dataset.generate import generate
+from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.learning.devices import bfloat16_unit
-from fpputil.learning.generate import generate
-from fpputil.learning.methods import SFNetMethod
-from fpputil.learning.plan import seeded_models
-from fpputil.learning.synthfringe import SynthFringe
+from fpputil.networks.methods import SFNetMethod
 
 BATCH = 8
 

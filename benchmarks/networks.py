@@ -10,16 +10,16 @@ import torch
 from torch.utils.data import DataLoader
 
 from benchmarks.timing import median_seconds
+from fpputil.dataset.generate import generate
+from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding.decoder import decode
 from fpputil.learning.devices import PRECISIONS, bfloat16_unit, forward
 from fpputil.learning.evaluation import measure
-from fpputil.learning.generate import generate
-from fpputil.learning.methods import SFNetMethod
-from fpputil.learning.networks.unet import lowered
-from fpputil.learning.plan import seeded_models
-from fpputil.learning.rig import Rig
-from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained
+from fpputil.networks.geometry import Rig
+from fpputil.networks.methods import SFNetMethod
+from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.system import preset
 

@@ -10,12 +10,12 @@ import numpy as np
 import torch
 
 from benchmarks.timing import median_seconds
+from fpputil.experiments.registry import methods
 from fpputil.learning.evaluation import measure
-from fpputil.learning.experiments import methods
-from fpputil.learning.methods import METHODS
-from fpputil.learning.networks.measuring import cost
-from fpputil.learning.rig import Rig
 from fpputil.learning.weights import Trained
+from fpputil.networks.cost import cost
+from fpputil.networks.geometry import Rig
+from fpputil.networks.methods import METHODS
 from fpputil.optics.system import preset
 
 

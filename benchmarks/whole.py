@@ -17,7 +17,7 @@ from pathlib import Path
 
 import psutil
 
-from fpputil.checks import write_whole
+from fpputil.files import write_whole
 
 RESULTS = Path(__file__).parents[1] / "data" / "results"
 

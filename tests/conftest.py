@@ -36,3 +36,14 @@ def paper_sphere_view(paper):
 @pytest.fixture(scope="session")
 def paper_fringes(paper):
     return fringe_set(paper.descending)
+
+
+@pytest.fixture(scope="session")
+def small_set(tmp_path_factory):
+    """Ten models and one held out, two views each, at the preset "tiny"."""
+    from fpputil.dataset.generate import generate
+    from fpputil.dataset.plan import seeded_models
+
+    out = tmp_path_factory.mktemp("data") / "set"
+    generate(out, "tiny", *seeded_models(10, 1), views=2)
+    return out

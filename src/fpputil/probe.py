@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from fpputil.checks import write_whole
+from fpputil.files import write_whole
 
 _EGL = "vtkEGLRenderWindow"
 _MEMORY = Path(sys.prefix) / ".fpputil-probe.json"

@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 
 from fpputil.cli import main
 from fpputil.learning.checkpoint import read_about
-from fpputil.learning.history import read_history
+from fpputil.learning.log import read_history
 
 OPTIONS = (
     *("--epochs", "2", "--batch", "6", "--base", "2", "--levels", "2", "--validate", "2"),

@@ -10,12 +10,12 @@ import trimesh
 from safetensors.torch import load_file
 from torch import nn
 
-from fpputil.learning.augmentation import Augmentation
+from fpputil.dataset.augmentation import Augmentation
+from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.learning.evaluation import evaluate, measure, open_split, predictions, save_points
-from fpputil.learning.methods import SFNetMethod, settings_of
-from fpputil.learning.rig import Rig
-from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained, load_weights, record, save_weights
+from fpputil.networks.geometry import Rig
+from fpputil.networks.methods import SFNetMethod, settings_of
 
 TWO_PI = 2 * math.pi
 METHOD = SFNetMethod(base=2, levels=2)

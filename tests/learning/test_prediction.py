@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import nn
 
-from fpputil.learning.methods import DLALNetMethod, PSNetMethod, SFNetMethod, SIDOMethod
+from fpputil.dataset.store import open_store
 from fpputil.learning.prediction import fringes_seen, oddities, photographs, predict, wanted
-from fpputil.learning.store import open_store
 from fpputil.learning.weights import Trained, load_weights
+from fpputil.networks.methods import DLALNetMethod, PSNetMethod, SFNetMethod, SIDOMethod
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.pinhole import Pinhole, camera_matrix
 from fpputil.optics.raycast import raycast

@@ -11,9 +11,9 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from fpputil.learning.checkpoint import read_about, restore, save_checkpoint
-from fpputil.learning.losses import Weights
-from fpputil.learning.methods import SFNetMethod
 from fpputil.learning.weights import Trained, load_weights, record, save_weights
+from fpputil.networks.losses import Weights
+from fpputil.networks.methods import SFNetMethod
 
 METHOD = SFNetMethod(base=2, levels=3, mixing="every level", weights=Weights(order=False))
 ABOUT = {"pitches": {"high": 24, "zmin": 304}, "camera": [120, 160], "extremes": [0.0, 244.0]}

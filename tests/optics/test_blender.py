@@ -13,7 +13,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from fpputil import probe
-from fpputil.decoding import depth
+from fpputil.decoding import pointcloud, triangulation
 from fpputil.decoding.decoder import decode
 from fpputil.optics import blender, shapes
 from fpputil.optics.blender import studio
@@ -102,8 +102,10 @@ def test_absolute_phases_agree(twins, paper_fringes, name):
 
 @needs_blender
 def test_radius_of_the_sphere(paper, paper_fringes, twins):
-    column = depth.column(decode(twins("sphere")[-1], paper_fringes, 912).Phi, 15)
-    fit = depth.fit_sphere(depth.point_cloud(depth.triangulate(column, paper.system)))
+    column = triangulation.column(decode(twins("sphere")[-1], paper_fringes, 912).Phi, 15)
+    fit = pointcloud.fit_sphere(
+        pointcloud.point_cloud(triangulation.triangulate(column, paper.system))
+    )
     assert abs(fit.radius - 100) < 0.02
     assert fit.rms < 0.1
 

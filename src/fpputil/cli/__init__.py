@@ -20,7 +20,7 @@ from fpputil.cli import (
     system,
     train,
 )
-from fpputil.learning.signals import answered
+from fpputil.signals import answered
 
 EPILOG = """exit codes: 0 done, 1 something is wrong with what was given or found, 2 wrong usage,
 130 stopped by Ctrl-C or SIGTERM"""

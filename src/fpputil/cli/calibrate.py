@@ -38,9 +38,9 @@ def add_to(commands) -> None:
 
 
 def _calibrate(options) -> None:
-    from fpputil.decoding.board import Board
-    from fpputil.decoding.calibration import calibrate
-    from fpputil.optics.patterns import Patterns
+    from fpputil.calibration.board import Board
+    from fpputil.calibration.calibrate import calibrate
+    from fpputil.capture.patterns import Patterns
 
     board = Board(*options.board, options.square, options.kind)
     if options.out.exists() and not options.force:
@@ -67,10 +67,10 @@ def _pose(folder, patterns):
     """The board as one folder shows it, and the size of the projector."""
     import numpy as np
 
-    from fpputil.decoding.calibration import Pose
-    from fpputil.decoding.capture import open_capture
-    from fpputil.decoding.doubts import doubts
-    from fpputil.decoding.scan import scan
+    from fpputil.calibration.calibrate import Pose
+    from fpputil.capture.diagnosis import doubts
+    from fpputil.capture.measurement import scan
+    from fpputil.capture.photographs import open_capture
 
     capture = open_capture(folder, patterns)
     if set(capture.patterns.axes) != {"column", "row"}:

@@ -67,7 +67,7 @@ def _generate_parser(verbs) -> None:
 
 
 def _generate(options) -> None:
-    from fpputil.learning import generate
+    from fpputil.dataset import generate
 
     models, held_out, root, notes = _models(options)
     for note in notes:
@@ -84,8 +84,8 @@ def _generate(options) -> None:
 
 def _models(options):
     """Models, held-out models, their root folder, and notes on what was left out."""
-    from fpputil.learning import sources
-    from fpputil.learning.plan import seeded_models
+    from fpputil.dataset import models as sources
+    from fpputil.dataset.plan import seeded_models
 
     if (options.folder or options.thingi10k) and options.held_out:
         raise ValueError("--held-out given; only models from seeds have families to hold out")
@@ -102,7 +102,7 @@ def _models(options):
 
 
 def _check(options) -> int:
-    from fpputil.learning.store import check, open_store
+    from fpputil.dataset.store import check, open_store
 
     wrong = check(options.path)
     for line in wrong:
@@ -117,20 +117,20 @@ def _check(options) -> int:
 
 
 def _info(options) -> None:
-    from fpputil.learning.store import open_store
+    from fpputil.dataset.store import open_store
 
     _tell(options.path, open_store(options.path).manifest)
 
 
 def _export(options) -> None:
-    from fpputil.learning.folders import export_folder
+    from fpputil.dataset.folders import export_folder
 
     number = export_folder(options.path, options.folder, options.split, options.noise)
     print(f"{number} scenes in {options.folder}")
 
 
 def _import(options) -> None:
-    from fpputil.learning.folders import import_folder
+    from fpputil.dataset.folders import import_folder
 
     manifest = import_folder(
         options.folder, options.out, seed=options.seed, workers=options.workers, progress=True

@@ -64,11 +64,12 @@ def _patterns(decode) -> None:
 def _decode(options) -> int:
     from tqdm.std import tqdm
 
-    from fpputil.checks import folder_whole, positive
-    from fpputil.decoding.capture import open_capture
-    from fpputil.decoding.doubts import doubts
-    from fpputil.decoding.scan import scan
-    from fpputil.optics.photograph import system_of
+    from fpputil.capture.diagnosis import doubts
+    from fpputil.capture.measurement import scan
+    from fpputil.capture.photographs import open_capture
+    from fpputil.checks import positive
+    from fpputil.files import folder_whole
+    from fpputil.optics.system import system_of
 
     start = time.perf_counter()
     power = None if options.power == "auto" else positive("power", _number(options.power))
@@ -113,8 +114,8 @@ def _given(options):
 
 def _of_file(options):
     """Patterns of a file; --shift may turn their direction, nothing else is taken beside it."""
-    from fpputil.decoding.capture import of_folder
-    from fpputil.optics.patterns import Patterns
+    from fpputil.capture.patterns import Patterns
+    from fpputil.capture.photographs import of_folder
 
     beside = [n for n in ("pitches", "steps", "axis", "unwrap") if getattr(options, n) is not None]
     if beside:
@@ -131,9 +132,9 @@ def _write(folder, options, capture, scans, found, system, wrong) -> dict:
     """Write all products of a decoding; returns what summary.json says."""
     import numpy as np
 
-    from fpputil.checks import write_arrays
-    from fpputil.decoding import products
-    from fpputil.report import figures, page
+    from fpputil.capture import products
+    from fpputil.capture.report import figures, page
+    from fpputil.files import write_arrays
 
     about = {
         "decoded": not wrong,

@@ -52,10 +52,10 @@ def add_to(commands) -> None:
 
 
 def _evaluate(options) -> None:
-    from fpputil.learning.augmentation import Augmentation
-    from fpputil.learning.batches import spread
+    from fpputil.dataset.augmentation import Augmentation
     from fpputil.learning.devices import device_of, hardware, precision_of
     from fpputil.learning.evaluation import evaluate, open_split
+    from fpputil.learning.loaders import spread
     from fpputil.learning.weights import load_weights, record
 
     other = (options.noise, options.gain, options.gamma, options.texture)

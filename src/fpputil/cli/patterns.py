@@ -52,9 +52,9 @@ def add_fringes(parser) -> None:
 
 def chosen(options, **names):
     """`Patterns` of the options of `add_fringes`."""
-    from fpputil.decoding.unwrapper import unwrapper
+    from fpputil.capture.patterns import Patterns
+    from fpputil.capture.unwrapper import unwrapper
     from fpputil.optics.fringes import fringe_set
-    from fpputil.optics.patterns import Patterns
 
     side = max(options.projector)
     if options.pitches is None and options.unwrap not in ("mf", "minimum"):
@@ -77,8 +77,8 @@ def chosen(options, **names):
 def _patterns(options) -> None:
     import cv2
 
-    from fpputil.checks import folder_whole, write_whole
-    from fpputil.optics.patterns import NAME
+    from fpputil.capture.patterns import NAME
+    from fpputil.files import folder_whole, write_whole
 
     plain = {} if options.no_plain else {"white": "000-white.png", "black": "001-black.png"}
     patterns = chosen(options, files="{number:03}-{axis}-{pitch}-{step:02}.png", **plain)

@@ -42,10 +42,10 @@ def add_to(commands) -> None:
 
 
 def _predict(options) -> None:
-    from fpputil.checks import folder_whole
+    from fpputil.files import folder_whole
     from fpputil.learning.prediction import oddities, photographs, predict
     from fpputil.learning.weights import load_weights
-    from fpputil.optics.photograph import system_of
+    from fpputil.optics.system import system_of
 
     _replaceable(options.out, options.force)
     trained, system = load_weights(options.weights), system_of(options.system)
@@ -73,7 +73,7 @@ def _levels(path: Path):
     """A photograph in float32 grey levels of 255; floats are that already."""
     import numpy as np
 
-    from fpputil.decoding.capture import read_photograph
+    from fpputil.capture.photographs import read_photograph
 
     image = read_photograph(path)
     return image.astype(np.float32) / (257 if image.dtype == np.uint16 else 1)
@@ -111,8 +111,8 @@ def _outside(about, system) -> list[str]:
 def _write(folder: Path, frames, found) -> None:
     import numpy as np
 
-    from fpputil.checks import write_arrays, write_whole
-    from fpputil.decoding.depth import point_cloud, save_ply
+    from fpputil.decoding.pointcloud import point_cloud, save_ply
+    from fpputil.files import write_arrays, write_whole
 
     write_arrays(folder / FILES[0], {name: getattr(found, name) for name in ARRAYS})
     grey = np.rint(frames[0].clip(0, 255)).astype(np.uint8)

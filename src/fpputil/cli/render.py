@@ -65,9 +65,9 @@ def _camera(render) -> None:
 
 
 def _render(options) -> None:
-    from fpputil.checks import folder_whole
-    from fpputil.optics.patterns import Patterns
-    from fpputil.optics.photograph import system_of
+    from fpputil.capture.patterns import Patterns
+    from fpputil.files import folder_whole
+    from fpputil.optics.system import system_of
 
     patterns = Patterns.load(options.patterns)
     system = system_of(options.system)
@@ -107,9 +107,9 @@ def _bodies(options, system):
 
 
 def _boards(options, system):
+    from fpputil.calibration.board import Board
+    from fpputil.calibration.placement import Target, board_poses
     from fpputil.checks import whole
-    from fpputil.decoding.board import Board
-    from fpputil.optics.target import Target, board_poses
 
     board = Board(*options.board, options.square, options.kind)
     picture = board.picture(PIXELS)
@@ -123,9 +123,9 @@ def _boards(options, system):
 def _photograph(options, number, folder, patterns, system, mesh, albedo) -> None:
     import cv2
 
-    from fpputil.checks import write_whole
-    from fpputil.optics.patterns import NAME
-    from fpputil.optics.photograph import photographs, save_truth
+    from fpputil.capture.patterns import NAME
+    from fpputil.capture.virtual import photographs, save_truth
+    from fpputil.files import write_whole
     from fpputil.optics.raycast import raycast
 
     view = raycast(mesh, system, albedo=albedo, supersample=options.supersample)

@@ -62,9 +62,9 @@ def _table(part) -> None:
 
 
 def _print_list(options) -> None:
-    from fpputil.learning.effort import effort, speed
-    from fpputil.learning.experiments import experiments
-    from fpputil.learning.results import read_results
+    from fpputil.experiments.effort import effort, speed
+    from fpputil.experiments.registry import experiments
+    from fpputil.experiments.runs import read_results
 
     names, runs = experiments(options.preset), read_results(options.preset, options.results)
     measured = speed(runs) or speed(read_results("tiny", options.results))
@@ -88,8 +88,8 @@ def _data(options) -> Path:
 
 
 def _search(options) -> None:
+    from fpputil.experiments.learning_rate import search
     from fpputil.learning.devices import use_threads
-    from fpputil.learning.rates import search
 
     use_threads(options.threads)
     path = options.results / "tiny" / "rates.json"
@@ -99,9 +99,9 @@ def _search(options) -> None:
 
 
 def _make(options) -> int:
+    from fpputil.experiments.registry import experiments
+    from fpputil.experiments.runs import run
     from fpputil.learning.devices import use_threads
-    from fpputil.learning.experiments import experiments
-    from fpputil.learning.results import run
 
     use_threads(options.threads)
     known = list(experiments(options.preset))
@@ -133,8 +133,8 @@ def _make(options) -> int:
 
 
 def _print_table(options) -> None:
-    from fpputil.learning.results import read_results
-    from fpputil.learning.tables import agreement, as_text, differences_as_text, table
+    from fpputil.experiments.runs import read_results
+    from fpputil.experiments.tables import agreement, as_text, differences_as_text, table
 
     number = int(options.number) if options.number.isdecimal() else options.number
     runs = read_results(options.preset, options.results)

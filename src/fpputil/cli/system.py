@@ -38,7 +38,7 @@ def add_to(commands) -> None:
 
 
 def _show(options) -> None:
-    from fpputil.optics.photograph import system_of
+    from fpputil.optics.system import system_of
 
     about = describe(system_of(options.system))
     if options.json:
@@ -48,7 +48,7 @@ def _show(options) -> None:
 
 
 def _convert(options) -> None:
-    from fpputil.optics.photograph import system_of
+    from fpputil.optics.system import system_of
 
     system = system_of(options.system)
     _free(options.file, options.force)
@@ -57,8 +57,8 @@ def _convert(options) -> None:
 
 
 def _draw(options) -> None:
-    from fpputil.checks import write_whole
-    from fpputil.optics.photograph import system_of
+    from fpputil.files import write_whole
+    from fpputil.optics.system import system_of
 
     if options.file.suffix != ".png":
         raise ValueError(f"{options.file.name} given; a picture ends in .png")

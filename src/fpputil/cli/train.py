@@ -80,10 +80,10 @@ def _network(group) -> None:
 
 
 def _train(options) -> None:
+    from fpputil.dataset.store import open_store
+    from fpputil.experiments.recipes import recipe
     from fpputil.learning.devices import use_threads
-    from fpputil.learning.recipes import recipe
-    from fpputil.learning.store import open_store
-    from fpputil.learning.training import fit
+    from fpputil.learning.fit import fit
     from fpputil.learning.weights import load_weights
 
     method, settings = recipe(options.preset, options.method)
@@ -116,7 +116,7 @@ def _train(options) -> None:
 
 def _changed(method, options):
     """The method with the options that were given for it."""
-    from fpputil.learning.losses import Weights
+    from fpputil.networks.losses import Weights
 
     given = _given(options, OF_METHOD)
     weights = _given(options, ("phase", "consistency", "geometric", "mean", "l1"))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fpputil.decoding import depth
+from fpputil.decoding import phase_height, triangulation
 from fpputil.exercises import close, exercise
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.system import preset
@@ -14,7 +14,7 @@ from fpputil.optics.system import preset
 
 @exercise("6.1", "Error in phase times pitch over 2 pi, then divided by the sensitivity.")
 def phase_error_in_mm(answer) -> bool:
-    columns = depth.column(0.1, 24)
+    columns = triangulation.column(0.1, 24)
     return close(answer, columns / preset("tiny").system.columns_per_mm(660.0)[60, 80], rtol=5e-3)
 
 
@@ -22,7 +22,7 @@ def phase_error_in_mm(answer) -> bool:
 def meeting_point(answer) -> bool:
     system = preset("tiny").system
     column = system.columns_at(640.0) + 0.5
-    points = depth.triangulate(column, system)
+    points = triangulation.triangulate(column, system)
     pixels = ((20, 30), (80, 60), (110, 100))
     found = [answer(u, v, column[v, u], system) for u, v in pixels]
     return close(found, [points[v, u] for u, v in pixels], rtol=0, atol=1e-3)
@@ -41,7 +41,7 @@ def lowest_degree(answer) -> bool:
     test = Fringe(24).phase(system.columns_at(650.0))[60:61, 80:81]
 
     def error(degree):
-        return abs(depth.fit_phase_height(Phi, heights, degree).height(test) - 650)[0, 0]
+        return abs(phase_height.fit_phase_height(Phi, heights, degree).height(test) - 650)[0, 0]
 
     return int(answer) == answer and answer == next(k for k in range(1, 11) if error(k) < 0.01)
 
@@ -52,5 +52,5 @@ def depth_with_wrong_focal(answer) -> bool:
     K = system.projector.K.copy()
     K[0, 0], K[1, 1] = 1.002 * K[0, 0], 1.002 * K[1, 1]
     wrong = replace(system, projector=replace(system.projector, K=K))
-    expected = depth.triangulate(system.columns_at(660.0), wrong)[60, 40, 2] - 660
+    expected = triangulation.triangulate(system.columns_at(660.0), wrong)[60, 40, 2] - 660
     return close(answer, expected, rtol=5e-3)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from fpputil.dataset.plan import POSES, split_by_model
 from fpputil.decoding.decoder import decode
 from fpputil.exercises import close, exercise
-from fpputil.learning.plan import POSES, split_by_model
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycast import raycast

@@ -7,7 +7,7 @@ import torch
 
 from fpputil.decoding.unwrap import wrap
 from fpputil.exercises import close, exercise
-from fpputil.learning.networks.unet import Encoder
+from fpputil.networks.unet import Encoder
 
 
 @exercise(

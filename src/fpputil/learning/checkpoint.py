@@ -15,7 +15,7 @@ from safetensors.torch import load, save
 from torch import nn
 from torch.optim import Optimizer
 
-from fpputil.checks import write_whole
+from fpputil.files import write_whole
 
 FORMAT = "fpputil run 1"
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")

@@ -11,16 +11,17 @@ import torch
 from torch.utils.data import DataLoader, Subset
 from tqdm.std import tqdm
 
-from fpputil.decoding.depth import column, save_ply, triangulate
-from fpputil.learning.augmentation import Augmentation
-from fpputil.learning.batches import closing, processes
+from fpputil.dataset.augmentation import Augmentation
+from fpputil.dataset.synthfringe import SynthFringe
+from fpputil.decoding.pointcloud import save_ply
+from fpputil.decoding.triangulation import column, triangulate
 from fpputil.learning.devices import PRECISIONS, device_of, forward, precision_of
-from fpputil.learning.methods.frames import true_second
+from fpputil.learning.loaders import closing, processes
 from fpputil.learning.metrics import Score, errors
-from fpputil.learning.networks.unet import lowered
-from fpputil.learning.rig import Rig
-from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained
+from fpputil.networks.geometry import Rig
+from fpputil.networks.targets import true_second
+from fpputil.networks.unet import lowered
 
 BATCH = 8
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fpputil.checks import seeded, whole
-from fpputil.decoding.depth import column, depth_of, triangulate
+from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.decoding.unwrap import wrap
 from fpputil.optics.system import System
 

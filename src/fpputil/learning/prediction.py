@@ -11,14 +11,14 @@ import torch
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import grey_closing, grey_opening, uniform_filter
 
-from fpputil.decoding.depth import column, depth_of, triangulate
 from fpputil.decoding.phase import THRESHOLD
+from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.decoding.unwrap import TWO_PI
 from fpputil.learning.devices import PRECISIONS, device_of, precision_of
 from fpputil.learning.evaluation import measure
-from fpputil.learning.networks.unet import lowered
-from fpputil.learning.rig import Rig
 from fpputil.learning.weights import Trained
+from fpputil.networks.geometry import Rig
+from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import System
 

@@ -13,10 +13,10 @@ from torch import nn
 from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
 
 from fpputil.learning.checkpoint import read_about, restore, save_checkpoint
+from fpputil.learning.config import Settings
 from fpputil.learning.devices import World
-from fpputil.learning.methods import settings_of
-from fpputil.learning.settings import Settings
 from fpputil.learning.weights import Trained, checksum
+from fpputil.networks.methods import settings_of
 
 CHECKPOINT = "checkpoint.safetensors"
 LEFT = ("weights.safetensors", "log.csv")

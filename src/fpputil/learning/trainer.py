@@ -15,16 +15,16 @@ from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
 from torch.utils.data import DataLoader
 from tqdm.std import tqdm
 
-from fpputil.learning.batches import Batches
+from fpputil.dataset.synthfringe import SynthFringe
+from fpputil.learning.config import Settings
 from fpputil.learning.devices import World, forward, hardware
-from fpputil.learning.history import write_history
-from fpputil.learning.methods import Method
-from fpputil.learning.rig import Rig
+from fpputil.learning.loaders import Batches
+from fpputil.learning.log import write_history
 from fpputil.learning.run import Run
-from fpputil.learning.settings import Settings
-from fpputil.learning.signals import stopping
-from fpputil.learning.synthfringe import SynthFringe
 from fpputil.learning.weights import Trained, save_weights
+from fpputil.networks.geometry import Rig
+from fpputil.networks.methods import Method
+from fpputil.signals import stopping
 
 WEIGHTS = "weights.safetensors"
 

@@ -13,8 +13,8 @@ import torch
 from safetensors.torch import load, save
 from torch import nn
 
-from fpputil.checks import write_whole
-from fpputil.learning.methods import Method, method_of, settings_of
+from fpputil.files import write_whole
+from fpputil.networks.methods import Method, method_of, settings_of
 
 FORMAT = "fpputil weights 1"
 

@@ -14,8 +14,17 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fpputil.checks import write_whole
+from fpputil.files import write_whole
 from fpputil.optics.pinhole import Pinhole, camera_matrix
+
+FREQUENCIES = ("high", "mid", "zmin", "unit")
+"""Names of a dataset's pitches, in the order of targets and stored photographs."""
+
+STEPS = 15
+"""Steps of the frames that targets are decoded from, as in the paper."""
+
+Frame = tuple[str, int, int]
+"""A photograph by name: frequency, number of steps, which step. ("high", 4, 2) is shifted by pi."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,3 +207,16 @@ def _from_yaml(text: str) -> dict:
     names = ("width", "height", "K", "R", "t", "distortion")
     pinholes = {k: {n: value(f"{k}_{n}") for n in names} for k in ("camera", "projector")}
     return {**pinholes, "z_min": value("z_min"), "z_max": value("z_max")}
+
+
+def system_of(name: str) -> System:
+    """The system of a preset or of a file. Chapter 2.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If it is neither the name of a preset nor a whole system file.
+    """
+    if Path(name).suffix in (".json", ".yml", ".yaml"):
+        return System.load(name)
+    return preset(name).system

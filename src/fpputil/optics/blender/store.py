@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from fpputil import probe
-from fpputil.checks import write_whole
+from fpputil.files import write_whole
 
 
 def stored(path: str | os.PathLike, make: Callable[[], np.ndarray]) -> np.ndarray:

@@ -1,0 +1,219 @@
+"""Camera and projector from photographs of a board with fringes on it, by Zhang's method (ch. 12).
+
+The board's points are found in the plain photograph; the phases say which projector pixel lights
+each of them; so the projector sees the board, too, and both are calibrated as cameras.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fpputil.calibration.board import Board, spacing
+from fpputil.calibration.determined import doubtful
+from fpputil.calibration.sampling import light_at
+from fpputil.calibration.stereo import Bundle, Sighting, fit_bundle
+from fpputil.checks import positive, whole
+from fpputil.optics.pinhole import Pinhole
+from fpputil.optics.system import System
+
+REACH = 0.5  # squares to each side of a point over which the projector pixel is fitted
+OUTLIER, CLEAR = 3.0, 0.3  # times the median error, and pixels, above which a pose goes
+LEAST_POSES, LEAST_POINTS = 3, 12
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """One position of the board, as the camera saw it. Chapter 12.
+
+    Parameters
+    ----------
+    plain : (H, W) array
+        Photograph in white light, or the mean of the fringes, which has less noise.
+    column, row : (H, W) arrays
+        Projector pixel that lights each camera pixel; NaN where there is no phase.
+    name : str
+        For messages.
+
+    Raises
+    ------
+    ValueError
+        If the three are not of one shape (H, W), or a map has no finite value.
+    """
+
+    plain: np.ndarray
+    column: np.ndarray
+    row: np.ndarray
+    name: str = ""
+
+    def __post_init__(self):
+        shapes = [np.shape(a) for a in (self.plain, self.column, self.row)]
+        if len(set(shapes)) > 1 or len(shapes[0]) != 2:
+            raise ValueError(f"plain, column and row {shapes} given; a pose needs one (H, W)")
+        for name in ("column", "row"):
+            if not np.isfinite(getattr(self, name)).any():
+                raise ValueError(
+                    f"{self.name or 'pose'} with a {name} map of NaN alone given; decode its "
+                    f"{name} fringes with a threshold that leaves pixels"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What a calibration found. Chapter 12.
+
+    Parameters
+    ----------
+    system : System
+        The camera is the world.
+    camera_errors, projector_errors : dict of str to float
+        RMS reprojection error of each pose that was used, pixels.
+    rejected : dict of str to str
+        Poses that were not, and why.
+    sigma : dict of str to float
+        Standard deviations from the fit: "camera fx" to "projector k3" (fx, fy, cx, cy in pixels)
+        and "baseline", mm. They know the scatter of the points, not a wrong square.
+    warnings : tuple of str
+        What makes the result doubtful.
+    """
+
+    system: System
+    camera_errors: dict[str, float]
+    projector_errors: dict[str, float]
+    rejected: dict[str, str]
+    sigma: dict[str, float]
+    warnings: tuple[str, ...] = field(default=())
+
+
+def calibrate(
+    board: Board,
+    poses: Sequence[Pose],
+    projector: tuple[int, int],
+    z_min: float,
+    z_max: float,
+    *,
+    lens: int = 4,
+    projector_lens: int = 4,
+) -> Calibration:
+    """Camera, projector and their pose from photographs of a board (Zhang). Chapter 12.
+
+    Each pinhole is calibrated alone, then both and all boards are fitted jointly; poses that fit
+    far worse than the others leave, one at a time.
+
+    Parameters
+    ----------
+    board : Board
+    poses : sequence of Pose
+        Ten or more, tilted in different directions and spread over the measuring range.
+    projector : (width, height)
+        Pixels.
+    z_min, z_max : float
+        Measuring range of the system that comes out, mm.
+    lens, projector_lens : int
+        Free distortion coefficients of each: the first 0, 1, 2, 4 or 5 of k1, k2, p1, p2, k3.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ValueError
+        If there are no poses, their sizes or names clash, the range is not one, fewer than three
+        poses show the board lit by fringes, or the poses do not determine the system.
+    """
+    size = _check(poses, projector, z_min, z_max)
+    seen, rejected = _sightings(board, poses)
+    while True:
+        _enough(seen, rejected, len(poses))
+        fit = fit_bundle(
+            list(seen.values()), size, tuple(map(int, projector)), lens, projector_lens
+        )
+        name, reason = _worst(fit, list(seen))
+        if reason is None:
+            break
+        rejected[name] = reason
+        del seen[name]
+    errors = [dict(zip(seen, e.tolist(), strict=True)) for e in fit.errors]
+    system = System(*_pinholes(fit, size, projector), float(z_min), float(z_max))
+    doubts = doubtful(fit, list(seen.values()), system)
+    return Calibration(system, *errors, rejected, fit.sigma, doubts)
+
+
+def _check(poses, projector, z_min, z_max):
+    """Size (width, height) of the photographs."""
+    if not len(poses):
+        raise ValueError(f"no poses given; {LEAST_POSES} are needed, ten are better")
+    shapes = sorted({np.shape(p.plain) for p in poses})
+    names = [_name(p, k) for k, p in enumerate(poses)]
+    if len(shapes) > 1 or len(set(names)) < len(names):
+        raise ValueError(f"photographs {shapes} called {names} given; one size, and each its name")
+    if np.shape(projector) != (2,):
+        raise ValueError(f"projector {projector} given; its width and height in pixels are needed")
+    for what, value in zip(("projector width", "projector height"), projector, strict=True):
+        whole(what, value, 2)
+    if not positive("z_min", z_min, "mm") < positive("z_max", z_max, "mm"):
+        raise ValueError(f"measuring range {z_min} to {z_max} mm given; z_min < z_max is needed")
+    return shapes[0][::-1]
+
+
+def _name(pose, k):
+    return pose.name or f"pose {k}"
+
+
+def _sightings(board, poses):
+    """What each pose shows, by name; and why others show nothing."""
+    seen, rejected = {}, {}
+    for k, pose in enumerate(poses):
+        try:
+            seen[_name(pose, k)] = _sighting(board, pose)
+        except ValueError as error:
+            rejected[_name(pose, k)] = str(error)
+    return seen, rejected
+
+
+def _sighting(board: Board, pose: Pose) -> Sighting:
+    which, pixels = board.find(pose.plain)
+    weight = np.asarray(pose.plain, np.float64) / np.max(pose.plain)
+    maps = (np.where(np.isfinite(m), m, np.nan) for m in (pose.column, pose.row))
+    light = np.stack([light_at(m, weight, pixels, REACH * spacing(pixels)) for m in maps], -1)
+    known = np.isfinite(light).all(axis=1)
+    if known.sum() < LEAST_POINTS:
+        raise ValueError(
+            f"{known.sum()} of {len(known)} points are lit by fringes; {LEAST_POINTS} are needed"
+        )
+    return Sighting(board.points[which[known]], pixels[known], light[known])
+
+
+def _enough(seen, rejected, number):
+    if len(seen) < LEAST_POSES:
+        texts = dict.fromkeys(rejected.values())
+        reasons = "; ".join(
+            f"{', '.join(k for k, v in rejected.items() if v == text)}: {text}" for text in texts
+        )
+        raise ValueError(
+            f"{len(seen)} of {number} poses can be used; {LEAST_POSES} are needed, ten are better"
+            + (f" ({reasons})" if reasons else "")
+        )
+
+
+def _worst(fit: Bundle, names) -> tuple[str, str | None]:
+    """The pose that fits worst, and why it has to go, or None."""
+    limits = np.maximum(OUTLIER * np.median(fit.errors, axis=1), CLEAR)
+    over = fit.errors / limits[:, None]
+    who, k = np.unravel_index(over.argmax(), over.shape)
+    if over[who, k] <= 1:
+        return names[k], None
+    return names[k], (
+        f"reprojection error of the {('camera', 'projector')[who]} {fit.errors[who, k]:.2f} px, "
+        f"above {limits[who]:.2f} px, {OUTLIER:g} times the median of {len(names)} poses"
+    )
+
+
+def _pinholes(fit: Bundle, *sizes):
+    poses = (np.eye(3), np.zeros(3)), (fit.R, fit.t)
+    for lens, size, (R, t) in zip(fit.lenses, sizes, poses, strict=True):
+        K = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
+        yield Pinhole(*size, K, R, t, lens[4:] if lens[4:].any() else ())

@@ -1,0 +1,234 @@
+"""Datasets as folders of PNG files, one folder a scene: for other programs, and from other rigs.
+
+A folder holds ``scenes.json`` and a folder for each scene with its photographs, named after
+frequency and step: ``high_00.png`` to ``high_14.png``, ``mid_00.png`` ... ``zmin_..``, ``unit_..``.
+Chapter 7.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from fpputil.dataset import layout
+from fpputil.dataset.fill import fill, finish_model, portable
+from fpputil.dataset.plan import new_plan, split_by_model
+from fpputil.dataset.store import open_store
+from fpputil.decoding.decoder import decode
+from fpputil.decoding.minimum_phase import minimum_phase
+from fpputil.decoding.phase import THRESHOLD
+from fpputil.decoding.triangulation import column, depth_of, triangulate
+from fpputil.files import write_whole
+from fpputil.optics.fringes import Fringe
+from fpputil.optics.system import FREQUENCIES, STEPS, from_dict, to_dict
+
+INDEX = "scenes.json"
+AT_ONCE = 12  # scenes that a worker holds in memory
+
+
+def export_folder(
+    path: str | Path, folder: str | Path, split: str | None = None, noise: float = 0.0
+) -> int:
+    """Write photographs of a dataset as PNG files, four frequencies of 15 steps a scene.
+
+    Parameters
+    ----------
+    path : str or Path
+        A finished dataset.
+    folder : str or Path
+        New or empty.
+    split : str, optional
+        Of this split alone.
+    noise : float
+        Read noise, grey levels, with the seed of each view; none for an imported dataset.
+
+    Returns
+    -------
+    int
+        Number of scenes.
+    """
+    data, folder = open_store(path), Path(folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ValueError(f"{folder} is not empty; an export goes to a new or empty folder")
+    wanted = [
+        (name, i) for name in ([split] if split else data.splits()) for i in data.indices(name)
+    ]
+    folder.mkdir(exist_ok=True)
+    pitches, scenes = data.manifest["pitches"], {}
+    fringes = data.fringes or [Fringe(pitches[f], STEPS) for f in FREQUENCIES]
+    for name, index in wanted:
+        scene = f"scene-{index:06d}"
+        scenes[scene] = {"object": data.about(index)["name"], "split": name}
+        _write_scene(folder / scene, fringes, data.photographs(index, fringes, noise))
+    steps = {name: fringe.steps for name, fringe in zip(FREQUENCIES, fringes, strict=True)}
+    about = {"system": to_dict(data.system), "pitches": pitches, "steps": steps, "scenes": scenes}
+    write_whole(folder / INDEX, layout.dumps(about))
+    return len(scenes)
+
+
+def _names(steps: Iterable[int]) -> list[str]:
+    """File names of a scene's photographs, in the order of `FREQUENCIES`."""
+    pairs = zip(FREQUENCIES, steps, strict=True)
+    return [f"{name}_{n:02d}.png" for name, count in pairs for n in range(count)]
+
+
+def _write_scene(folder: Path, fringes, frames: np.ndarray) -> None:
+    folder.mkdir()
+    for name, frame in zip(_names(f.steps for f in fringes), frames, strict=True):
+        write_whole(folder / name, cv2.imencode(".png", frame)[1].tobytes())
+
+
+def import_folder(
+    folder: str | Path, out: str | Path, *, seed: int = 0, workers: int = 1, progress: bool = False
+) -> dict:
+    """Make a dataset out of photographs; what is decoded from them stands in for the truth.
+
+    ``scenes.json`` holds the ``system`` (as `System.save` writes it), the ``pitches`` and the
+    number of ``steps`` of high, mid, zmin and unit, and may hold ``scenes``: for a scene's folder
+    its ``object`` (scenes of one object stay in one split) and its ``split``. Without that every
+    folder is a scene of an object of its own, and objects are divided 8:1:1.
+
+    Returns
+    -------
+    dict
+        The manifest. A scene that cannot be used is skipped, and its record says why.
+
+    Raises
+    ------
+    ValueError
+        If ``scenes.json`` is missing or not whole, the folder holds no scene, or none can be used.
+    """
+    folder = Path(folder)
+    about = _read_index(folder)
+    system, pitches, steps = from_dict(about["system"]), about["pitches"], about["steps"]
+    minimum_phase(system, pitches["zmin"])  # raises where the range is too long for the method
+    models = _models(folder, _objects(folder, about.get("scenes")), seed)
+    views = max(len(m["scenes"]) for m in models)
+    settings = {"preset": "imported", "views": views, "seed": seed}
+    frames = [{"pitch": pitches[f], "steps": steps[f]} for f in FREQUENCIES]
+    plan = new_plan(settings, system, pitches, models, frames)
+    return fill(out, plan, import_model, folder, workers, progress=progress)
+
+
+def _read_index(folder: Path) -> dict:
+    try:
+        about = json.loads((folder / INDEX).read_bytes())
+        from_dict(about["system"])
+        [Fringe(about["pitches"][f], about["steps"][f]) for f in FREQUENCIES]
+    except FileNotFoundError:
+        raise ValueError(f"{folder} holds no {INDEX}; it names system, pitches and steps") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"{folder / INDEX} is not whole ({type(error).__name__}: {error}); it names the "
+            f"system, and pitches and steps of {', '.join(FREQUENCIES)}"
+        ) from error
+    return about
+
+
+def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], str | None]]:
+    """Scenes and split, if one is given, of each object."""
+    if scenes is None:
+        scenes = {f.name: {} for f in sorted(folder.iterdir()) if any(f.glob("*.png"))}
+    if not isinstance(scenes, dict) or not all(isinstance(v, dict) for v in scenes.values()):
+        raise ValueError(f"scenes of {INDEX} is no table; it gives each folder's object and split")
+    objects: dict[str, tuple[list[str], str | None]] = {}
+    for scene, entry in sorted(scenes.items()):
+        split = entry.get("split")
+        if split not in (None, *layout.SPLITS):
+            raise ValueError(
+                f"split {split!r} given for {scene}; the splits are {', '.join(layout.SPLITS)}"
+            )
+        own, before = objects.setdefault(str(entry.get("object", scene)), ([], split))
+        if split != before:
+            raise ValueError(f"{own[0]} and {scene} show one object; they belong in one split")
+        own.append(scene)
+    if not objects:
+        raise ValueError(f"{folder} holds no scene; each is a folder of PNG files")
+    return objects
+
+
+def _models(folder: Path, objects: dict, seed: int) -> list[dict]:
+    """Objects as models of a plan; one of many scenes is several, in the same split."""
+    drawn = split_by_model(len(objects), seed)
+    models = []
+    for (name, (scenes, given)), split in zip(objects.items(), drawn, strict=True):
+        for first in range(0, len(scenes), AT_ONCE):
+            own = scenes[first : first + AT_ONCE]
+            part = f"{name} ({first // AT_ONCE + 1})" if len(scenes) > AT_ONCE else name
+            sha256 = layout.digest("".join(_photographs_digest(folder / s) for s in own).encode())
+            models.append({"name": part, "scenes": own, "split": given or split, "sha256": sha256})
+    return models
+
+
+def _photographs_digest(scene: Path) -> str:
+    """Digest of a scene's names and bytes, so that changed photographs are another dataset."""
+    files = sorted(scene.glob("*.png"))
+    return layout.digest("".join(f.name + layout.digest(f.read_bytes()) for f in files).encode())
+
+
+def import_model(out: str, shared: dict, model: dict, number: int, root: str) -> dict:
+    """Decode the scenes of one object and write its shards, then its record."""
+    views = shared["settings"]["views"]
+    record = {"lit": [0] * views, "white": 0, "notes": []}
+    stacks = layout.empty_stacks(shared)
+    for k, scene in enumerate(model["scenes"]):
+        try:
+            arrays = _decoded(shared, _read_scene(Path(root) / scene, shared))
+        except (ValueError, FileNotFoundError) as error:
+            record["notes"].append(f"{scene}: {portable(error, root)}")
+            continue
+        for name, values in arrays.items():
+            stacks[name][k] = values
+        record["lit"][k] = int(arrays["mask"].sum())
+        record["white"] = max(record["white"], int(arrays["frames"].max()))
+    if not any(record["lit"]):
+        record["skipped"] = "; ".join(record["notes"])
+    return finish_model(out, shared, number, record, stacks)
+
+
+def _read_scene(folder: Path, shared: dict) -> np.ndarray:
+    """All photographs of a scene, (F, H, W) uint8, in the order of `FREQUENCIES`."""
+    camera = shared["system"]["camera"]
+    names = _names(f["steps"] for f in shared["frames"])
+    missing = [n for n in names if not (folder / n).is_file()]
+    if missing:
+        raise ValueError(f"{len(missing)} of {len(names)} photographs are missing: {missing[:3]}")
+    frames = []
+    for name in names:
+        frame = cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)
+        if frame is not None and frame.ndim == 3:
+            frame = cv2.cvtColor(frame[..., :3], cv2.COLOR_BGR2GRAY)
+        if frame is None or frame.dtype != np.uint8:
+            raise ValueError(f"{name} is no whole 8-bit PNG file")
+        if frame.shape != (camera["height"], camera["width"]):
+            raise ValueError(
+                f"{name} has {frame.shape[1]} x {frame.shape[0]} pixels; the camera of {INDEX} "
+                f"has {camera['width']} x {camera['height']}"
+            )
+        frames.append(frame)
+    return np.stack(frames)
+
+
+def _decoded(shared: dict, frames: np.ndarray) -> dict[str, np.ndarray]:
+    """Column, shade, depth and mask as the photographs show them."""
+    system = from_dict(shared["system"])
+    fringes = [Fringe(f["pitch"], f["steps"]) for f in shared["frames"]]
+    parts = dict(
+        zip(FREQUENCIES, np.split(frames, np.cumsum([f.steps for f in fringes])[:-1]), strict=True)
+    )
+    order = ("unit", "mid", "high")
+    chosen = [fringes[FREQUENCIES.index(k)] for k in order]
+    found = decode(
+        np.concatenate([parts[k] for k in order]), chosen, system.projector.width, THRESHOLD
+    )
+    columns = column(found.Phi, chosen[-1].pitch)
+    z = depth_of(triangulate(columns, system), system)
+    mask = found.mask & np.isfinite(z)
+    shade = np.where(mask, 2 / 255 * found.modulation[-1], 0)
+    kept = {"column": columns, "depth": z}
+    kept = {k: np.where(mask, v, np.nan).astype(np.float32) for k, v in kept.items()}
+    return {**kept, "shade": shade.astype(np.float16), "mask": mask, "frames": frames}

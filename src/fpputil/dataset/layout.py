@@ -1,0 +1,210 @@
+"""The files of a SynthFringe dataset: a manifest and Zarr arrays, one shard a model (chapter 7).
+
+A view takes little room because no photograph is kept: column, shade, depth and mask say what
+every pattern would look like. Zarr v3 shards keep one file an array and model, so that one writer
+owns it whole; a CRC in every chunk makes a damaged one an error instead of a measurement.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import zarr
+from numcodecs import blosc
+from numcodecs.checksum32 import CRC32C
+from zarr.codecs import BloscCodec, Crc32cCodec
+from zarr.storage import MemoryStore
+
+from fpputil.files import write_whole
+
+FORMAT, VERSION = "SynthFringe", 1
+MANIFEST, LOCK = "manifest.json", ".lock"
+
+
+SPLITS = ("training", "validation", "test", "held-out")
+
+NO_CHUNK = 2**64 - 1  # Zarr's mark of an empty chunk
+
+blosc.use_threads = False  # pictures are small, and threads do not survive the fork of a worker
+
+KINDS = {"column": "float32", "shade": "float16", "depth": "float32", "mask": "bool"}
+"""Arrays of a view and their types. A shade of float16 is good to 1 part in 2000, a tenth of a
+grey level; a column needs all of float32."""
+
+
+def dumps(data) -> bytes:
+    """JSON as every file of a dataset holds it: the same data give the same bytes."""
+    return (json.dumps(data, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
+
+
+def array_files(name: str, shape: Sequence[int], dtype: str, values=None, at: int = 0) -> dict:
+    """Files of a Zarr array of views, or of one shard of it, as they go to disk.
+
+    Parameters
+    ----------
+    name : str
+        The array's folder.
+    shape : (N, V, ...) sequence
+        N models of V views each; the array has shape (N * V, ...).
+    dtype : str
+        NumPy's name of the type.
+    values : (V, ...) array, optional
+        Views of model `at`; without them only the array's metadata is made.
+    at : int
+        Which model.
+
+    Returns
+    -------
+    dict of str to bytes
+        Path below the dataset to content. A shard of nothing but empty pixels has no file.
+    """
+    models, views, *rest = shape
+    files = {}
+    array = zarr.create_array(
+        MemoryStore(files),
+        name=name,
+        shape=(models * views, *rest),
+        shards=(views, *rest),
+        chunks=(1, *rest),
+        dtype=dtype,
+        fill_value=empty(dtype),
+        compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
+        dimension_names=("view", "v", "u") if len(rest) == 2 else ("view", "frame", "v", "u"),
+    )
+    wanted = f"{name}/zarr.json"
+    if values is not None:
+        array[at * views : (at + 1) * views] = values
+        wanted = f"{name}/c/"
+    return {k: v.to_bytes() for k, v in files.items() if k.startswith(wanted)}
+
+
+def view_files(manifest: dict, at: int, stacks: dict[str, np.ndarray]) -> dict[str, bytes]:
+    """Shards of model `at`, path to content; `stacks` are (V, H, W) arrays by name."""
+    shape = array_shapes(manifest)
+    files = {}
+    for name, dtype in array_kinds(manifest).items():
+        files |= array_files(name, shape[name], dtype, stacks[name], at)
+    return files
+
+
+def array_kinds(manifest: dict) -> dict[str, str]:
+    """Names and types of a dataset's arrays; photographs are there if they were imported."""
+    return KINDS | ({"frames": "uint8"} if manifest["frames"] else {})
+
+
+def array_shapes(manifest: dict) -> dict[str, tuple[int, ...]]:
+    """(models, views, ...) of each array."""
+    camera, settings = manifest["system"]["camera"], manifest["settings"]
+    image = (camera["height"], camera["width"])
+    count = settings["models"], settings["views"]
+    steps = sum(f["steps"] for f in manifest["frames"])
+    return {
+        k: (*count, *((steps,) if k == "frames" else ()), *image) for k in array_kinds(manifest)
+    }
+
+
+def read_chunk(file: Path, views: int, view: int) -> bytes | None:
+    """One view out of a shard: None if it has nothing to see.
+
+    Zarr's sharding codec ends a shard with the offset and size of every chunk, and a CRC. The
+    Zarr library takes 3 ms to come to a chunk, ten times what is in it; a test holds both equal.
+
+    Raises
+    ------
+    OSError, ValueError, RuntimeError
+        If the shard is missing or damaged.
+    """
+    with file.open("rb") as shard:
+        shard.seek(-(16 * views + 4), 2)
+        index = _checked(shard.read())
+        offset, size = index.view("<u8").reshape(views, 2)[view]
+        if size == NO_CHUNK:
+            return None
+        shard.seek(int(offset))
+        data = shard.read(int(size))
+    return blosc.decompress(_checked(data))
+
+
+def _checked(data: bytes) -> np.ndarray:
+    """Bytes without the CRC at their end."""
+    try:
+        return CRC32C(location="end").decode(data)
+    except RuntimeError:
+        raise ValueError("its CRC is wrong") from None
+
+
+def empty_stacks(manifest: dict) -> dict[str, np.ndarray]:
+    """Arrays (V, ...) of one model without anything to see."""
+    shapes, kinds = array_shapes(manifest), array_kinds(manifest)
+    return {k: np.full(shapes[k][1:], empty(kind), kind) for k, kind in kinds.items()}
+
+
+def empty(dtype: str) -> float:
+    """What a pixel without anything to see holds."""
+    return np.nan if dtype == "float32" else 0
+
+
+def metadata_files(manifest: dict) -> dict[str, bytes]:
+    """The arrays' metadata, path to content, so that any Zarr reader finds them."""
+    files = {"zarr.json": dumps({"zarr_format": 3, "node_type": "group", "attributes": {}})}
+    for name, shape in array_shapes(manifest).items():
+        files |= array_files(name, shape, array_kinds(manifest)[name])
+    return files
+
+
+def put(path: Path, files: dict[str, bytes]) -> None:
+    """Write files below the dataset, each whole or not at all."""
+    for name, data in files.items():
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path / name, data)
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def content(records: Sequence[dict]) -> str:
+    """One SHA-256 for all shards of a dataset, out of the records of its models."""
+    lines = [f"{s['sha256']}  {name}" for r in records for name, s in sorted(r["shards"].items())]
+    return digest("\n".join(lines).encode())
+
+
+def seal(manifest: dict) -> str:
+    """SHA-256 of the manifest but for this very entry."""
+    return digest(dumps({k: v for k, v in manifest.items() if k != "seal"}))
+
+
+def read_manifest(path: str | Path) -> dict:
+    """Manifest of a dataset, finished or not.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder does not exist.
+    ValueError
+        If it holds no dataset, a damaged manifest, or a newer format than this library reads.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise FileNotFoundError(f"{path} given; there is no such folder, a dataset is one")
+    try:
+        manifest = json.loads((path / MANIFEST).read_bytes())
+        kind, version = manifest["format"], manifest["version"]
+    except FileNotFoundError:
+        raise ValueError(f"{path} holds no {MANIFEST}; it is not a dataset") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path / MANIFEST} is damaged ({error}); generate anew") from error
+    if kind != FORMAT:
+        raise ValueError(f"{path} is of the format {kind!r}; {FORMAT} is needed")
+    if version not in range(1, VERSION + 1):
+        raise ValueError(
+            f"{path} has format version {version}; this library reads up to {VERSION}: update it"
+        )
+    if manifest.get("complete") is not False and manifest.get("seal") != seal(manifest):
+        raise ValueError(f"{path / MANIFEST} is not as it was written; generate anew")
+    return manifest

@@ -1,0 +1,191 @@
+"""Reading a finished SynthFringe dataset, view by view, and checking its files (chapter 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from fpputil.dataset import layout
+from fpputil.optics.fringes import Fringe
+from fpputil.optics.system import System, from_dict
+from fpputil.optics.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Store:
+    """A finished dataset, read view by view.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder.
+    manifest : dict
+        As `read_manifest` gives it.
+    """
+
+    path: Path
+    manifest: dict
+
+    @cached_property
+    def system(self) -> System:
+        """Camera, projector and measuring range of all views."""
+        return from_dict(self.manifest["system"])
+
+    @cached_property
+    def fringes(self) -> tuple[Fringe, ...]:
+        """Fringes of the stored photographs; none if frames are synthesised from the view."""
+        return tuple(Fringe(f["pitch"], f["steps"]) for f in self.manifest["frames"])
+
+    @cached_property
+    def _rays(self) -> np.ndarray:
+        return self.system.camera.rays()
+
+    def indices(self, split: str) -> np.ndarray:
+        """Numbers of the views of a split that show enough of their model, (n,) int."""
+        if split not in layout.SPLITS:
+            raise ValueError(f"split {split!r} given; the splits are {', '.join(layout.SPLITS)}")
+        found = self._numbers(split)
+        if not found:
+            raise ValueError(f"{self.path} holds no view of the split {split!r}")
+        return np.array(found)
+
+    def _numbers(self, split: str) -> list[int]:
+        settings, models = self.manifest["settings"], self.manifest["models"]
+        pairs = zip(models, self.manifest["records"], strict=True)
+        return [
+            number * settings["views"] + k
+            for number, (model, record) in enumerate(pairs)
+            if model["split"] == split
+            for k, lit in enumerate(record["lit"])
+            if lit >= settings["least"]
+        ]
+
+    def _place(self, index: int) -> tuple[int, int]:
+        """Model and pose of a view; ValueError if there is no such view."""
+        models, views = (self.manifest["settings"][k] for k in ("models", "views"))
+        if not 0 <= index < models * views:
+            raise ValueError(f"view {index} given; {self.path} has views 0 to {models * views - 1}")
+        return divmod(int(index), views)
+
+    def splits(self) -> list[str]:
+        """Names of the splits that have a view to show."""
+        return [s for s in layout.SPLITS if self._numbers(s)]
+
+    def array(self, name: str, index: int) -> np.ndarray:
+        """One array of one view, (H, W) or for "frames" (F, H, W)."""
+        views, *shape = layout.array_shapes(self.manifest)[name][1:]
+        dtype = np.dtype(layout.array_kinds(self.manifest)[name])
+        model, view = self._place(index)
+        file = self.path / name / "c" / "/".join([str(model)] + ["0"] * len(shape))
+        try:
+            data = layout.read_chunk(file, views, view)
+            if data is None:
+                return np.full(shape, layout.empty(dtype.name), dtype)
+            return np.frombuffer(data, dtype).reshape(shape)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise ValueError(
+                f"{name} of view {index} in {self.path} cannot be read "
+                f"({type(error).__name__}: {error}); run: fpp dataset check {self.path}"
+            ) from error
+
+    def view(self, index: int) -> View:
+        """What the camera sees in view `index`; photograph it under any pattern.
+
+        Raises
+        ------
+        ValueError
+            If the view is damaged, missing, or shows nothing.
+        """
+        mask = self.array("mask", index)
+        if not mask.any():
+            raise ValueError(
+                f"view {index} in {self.path} is empty: its model shows nothing there, or its "
+                f"shard is missing; run: fpp dataset check {self.path}"
+            )
+        column, shade, depth = (self.array(n, index) for n in ("column", "shade", "depth"))
+        camera, projector = self.system.camera, self.system.projector
+        local = self._rays[mask] @ camera.R.T
+        points = (local * (depth[mask] / local[:, 2])[:, None] - camera.t) @ camera.R
+        row = np.full(mask.shape, np.nan, np.float32)
+        row[mask] = projector.project(points)[:, 1]
+        return View(column, row, shade.astype(np.float32), depth, mask)
+
+    def photographs(self, index: int, fringes: Sequence[Fringe], noise: float = 0.0) -> np.ndarray:
+        """Frames of view `index`, (N, H, W) uint8: synthesised, or the stored ones.
+
+        Raises
+        ------
+        ValueError
+            If the dataset holds photographs, and not these.
+        """
+        if not self.fringes:
+            return self.view(index).frames(fringes, noise, self.about(index)["noise_seed"])
+        if noise:
+            raise ValueError(f"noise {noise} given; {self.path} holds photographs as they are")
+        which = [self.position(f, n) for f in fringes for n in range(f.steps)]
+        return self.array("frames", index)[which]
+
+    def position(self, fringe: Fringe, step: int) -> int:
+        """Position of a photograph among the stored ones: equal pitch, equal shift.
+
+        Raises
+        ------
+        ValueError
+            If it is not among them.
+        """
+        first = 0
+        for kept in self.fringes:
+            found = np.flatnonzero(np.isclose(kept.shifts, fringe.shifts[step]))
+            if kept.pitch == fringe.pitch and len(found):
+                return first + int(found[0])
+            first += kept.steps
+        raise ValueError(
+            f"step {step} of {fringe.steps} at pitch {fringe.pitch} asked for; {self.path} holds "
+            f"{[(f.pitch, f.steps) for f in self.fringes]} (pitch, steps)"
+        )
+
+    def about(self, index: int) -> dict:
+        """Model, split, pose (degrees about the paper's y and z) and noise seed of view `index`."""
+        number, view = self._place(index)
+        model, record = self.manifest["models"][number], self.manifest["records"][number]
+        own = {k: record[k][view] for k in ("pose", "noise_seed") if k in record}
+        return {**model, "number": number, **own}
+
+
+def open_store(path: str | Path) -> Store:
+    """A finished dataset; ValueError if it is not finished, damaged or too new."""
+    path, manifest = Path(path), layout.read_manifest(path)
+    if not manifest["complete"]:
+        raise ValueError(
+            f"{path} is not finished; run the command that generates it again, it goes on"
+        )
+    return Store(path, manifest)
+
+
+def check(path: str | Path) -> list[str]:
+    """What is wrong with the files of a finished dataset: flipped bytes, missing or foreign shards.
+
+    Returns
+    -------
+    list of str
+        One line a file; empty if every byte is as it was written.
+    """
+    store = open_store(path)
+    files = {n: s["sha256"] for r in store.manifest["records"] for n, s in r["shards"].items()}
+    files |= store.manifest["metadata"]
+    wrong = []
+    for name, sha256 in files.items():
+        try:
+            if layout.digest((store.path / name).read_bytes()) != sha256:
+                wrong.append(f"{name}: not as it was written")
+        except FileNotFoundError:
+            wrong.append(f"{name}: missing")
+        except OSError as error:
+            wrong.append(f"{name}: cannot be read ({error.strerror})")
+    found = {f.relative_to(store.path).as_posix() for f in store.path.rglob("*") if f.is_file()}
+    foreign = sorted(found - set(files) - {layout.MANIFEST, layout.LOCK})
+    return wrong + [f"{name}: not part of the dataset" for name in foreign]

@@ -1,0 +1,138 @@
+"""Minimum phase and refined reference: fringe order without a unit frequency (Eq. 8-11; chapter 5).
+
+The equations take NumPy arrays or torch tensors; the phases of the geometry are NumPy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from array_api_compat import array_namespace
+
+from fpputil.checks import positive
+from fpputil.decoding.triangulation import depth_of, triangulate
+from fpputil.decoding.unwrap import TWO_PI, absolute, fringe_order
+from fpputil.optics.system import System
+
+
+def minimum_phase(
+    system: System, pitch: float, *, centred: bool = True, ambiguous: bool = False
+) -> np.ndarray:
+    """Phi_min: the least absolute phase within the measuring range (Eq. 8). Chapter 5.
+
+    It is the smaller of the phases on the planes z_min and z_max; which one that is depends
+    on the side on which the projector stands.
+
+    Parameters
+    ----------
+    system : System
+        Camera, projector and measuring range.
+    pitch : float
+        Low pitch, projector pixels.
+    centred : bool
+        Lower Phi_min by half of the period that the range leaves free, so that noise has
+        equal room at either end.
+    ambiguous : bool
+        Accept a range longer than one period: the order is then right in a part of it only.
+
+    Returns
+    -------
+    (H, W) float64 array
+        Radians.
+
+    Raises
+    ------
+    ValueError
+        If the measuring range is longer than one period at some pixel.
+
+    Notes
+    -----
+    Points outside the measuring range may get a wrong order without a sign of it.
+    """
+    positive("pitch", pitch, "projector pixels")
+    near, far = (_phase_at(system, z, pitch) for z in (system.z_min, system.z_max))
+    span = np.abs(far - near)
+    if not ambiguous and np.nanmax(span) >= TWO_PI:
+        raise ValueError(
+            f"measuring range {system.z_min} to {system.z_max} mm given; at pitch {pitch} it spans "
+            f"{np.nanmax(span) / TWO_PI:.2f} periods, and the minimum phase needs less than one"
+        )
+    lower = np.fmin(near, far)
+    return lower - np.maximum(TWO_PI - span, 0) / 2 if centred else lower
+
+
+def _phase_at(system: System, z: float, pitch: float) -> np.ndarray:
+    """Absolute phase on the plane z, clipped to the columns that the projector can light."""
+    lit = np.clip(system.columns_at(z), -0.5, system.projector.width - 0.5)
+    return TWO_PI * lit / pitch
+
+
+def depth_range(system: System, pitch: float, z: float) -> np.ndarray:
+    """Depth, in mm from the plane z on, within which one period names the order. Chapter 5.
+
+    Returns
+    -------
+    (H, W) float64 array
+        Infinite where the column never moves by a whole pitch. Whether the projector lights
+        the pixel at all is not asked.
+    """
+    start = system.columns_at(z)
+    way = np.sign(system.columns_at(z + 1) - start)
+    reach = depth_of(triangulate(start + way * pitch, system), system) - z
+    return np.where(np.isfinite(reach) & (reach > 0), reach, np.inf)
+
+
+def zmin_order(phi_z, Phi_min):
+    """K_z = ceil((Phi_min - phi_z) / 2 pi) (Eq. 9). Chapter 5.
+
+    Parameters
+    ----------
+    phi_z : (...) array
+        Wrapped phase of the low pitch, radians.
+    Phi_min : (...) array
+        Minimum phase of that pitch, radians.
+    """
+    return array_namespace(phi_z, Phi_min).ceil((Phi_min - phi_z) / TWO_PI)
+
+
+def refined_reference(Phi_t, K_z, pitch_t: float, pitch_z: float):
+    """Refined wrapped reference and its components (Eq. 10, 11). Chapter 5.
+
+    Parameters
+    ----------
+    Phi_t : (...) array
+        Absolute phase of the mid pitch from multi-frequency unwrapping (Eq. 10), radians.
+    K_z : (...) array
+        Fringe order of the low pitch from the minimum phase.
+    pitch_t, pitch_z : float
+        Mid and low pitch, projector pixels.
+
+    Returns
+    -------
+    phi_r, M_r, D_r : (...) arrays
+        ``phi_r = Phi_t pitch_t / pitch_z - 2 pi K_z``, ``M_r = -sin(phi_r)``,
+        ``D_r = cos(phi_r)``. K_z is whole, so it does not affect M_r and D_r.
+    """
+    xp = array_namespace(Phi_t, K_z)
+    phi_r = absolute(Phi_t * (pitch_t / pitch_z), -K_z)
+    return phi_r, -xp.sin(phi_r), xp.cos(phi_r)
+
+
+def two_phase_absolute(phi_h, phi_z, Phi_min, pitch_h: float, pitch_z: float):
+    """Absolute phase from two wrapped phases and the minimum phase (Eq. 9, 6). Chapter 5.
+
+    Parameters
+    ----------
+    phi_h, phi_z : (...) arrays
+        Wrapped phases of the high and the low pitch, radians; phi_r serves as phi_z.
+    Phi_min : (...) array
+        Minimum phase of the low pitch, radians.
+    pitch_h, pitch_z : float
+        Projector pixels.
+
+    Returns
+    -------
+    (...) array
+        Phi of the high pitch, radians.
+    """
+    Phi_z = absolute(phi_z, zmin_order(phi_z, Phi_min))
+    return absolute(phi_h, fringe_order(phi_h, Phi_z, pitch_z / pitch_h))

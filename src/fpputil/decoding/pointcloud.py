@@ -1,0 +1,140 @@
+"""Clouds of points: surface, file, fitted sphere and plane (chapter 6)."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from scipy.optimize import least_squares
+
+from fpputil.files import write_whole
+from fpputil.optics.meshes import check_mesh
+
+
+def point_cloud(points: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
+    """The finite points of (H, W, 3) inside the mask as (P, 3), mm, in row order."""
+    keep = np.isfinite(points).all(axis=-1)
+    keep = keep if mask is None else keep & np.asarray(mask, bool)
+    if not keep.any():
+        raise ValueError("no finite point inside the mask given; a cloud needs at least one")
+    return points[keep]
+
+
+def surface(points: np.ndarray, max_edge: float = np.inf) -> trimesh.Trimesh:
+    """Triangles between neighbouring pixels of (H, W, 3) points. Chapter 6.
+
+    Parameters
+    ----------
+    points : (H, W, 3) array
+        mm; NaN pixels are left out.
+    max_edge : float
+        Triangles with a longer edge, mm, are dropped: they bridge a step in depth.
+    """
+    h, w = points.shape[:2]
+    pixel = np.arange(h * w).reshape(h, w)
+    a, b, c, d = pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]
+    faces = np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, c, b), (b, c, d))])
+    vertices = points.reshape(-1, 3)
+    corners = vertices[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    faces = faces[(edges <= max_edge).all(axis=1)]  # NaN compares false
+    if len(faces) == 0:
+        raise ValueError(
+            f"no triangle with edges up to {max_edge} mm between finite points; "
+            "a surface needs neighbouring points"
+        )
+    used, faces = np.unique(faces, return_inverse=True)
+    return trimesh.Trimesh(vertices[used], faces.reshape(-1, 3), process=False)
+
+
+def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = None) -> None:
+    """Write points (P, 3) or a mesh, mm, as binary PLY, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.ply``.
+    geometry : (P, 3) array or trimesh.Trimesh
+        Coordinates in mm.
+    colours : (P, 3) uint8 array, optional
+        Of the points.
+    """
+    path = Path(path)
+    if path.suffix != ".ply":
+        raise ValueError(f"{path.name} given; a point cloud file ends in .ply")
+    if isinstance(geometry, trimesh.Trimesh):
+        check_mesh(geometry, "mesh")
+        if colours is not None:
+            raise ValueError("colours with a mesh given; they belong to points (P, 3)")
+    else:
+        points = _finite_points(geometry, 1)
+        colours = None if colours is None else np.asarray(colours)
+        if colours is not None and (colours.shape != points.shape or colours.dtype != np.uint8):
+            raise ValueError(
+                f"colours of shape {colours.shape} and dtype {colours.dtype} given; "
+                f"{points.shape} points take as many uint8 colours"
+            )
+        geometry = trimesh.PointCloud(points, colours)
+    write_whole(path, geometry.export(file_type="ply"))
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere:
+    """A fitted sphere: centre (3,), radius and RMS distance of the points from it, mm."""
+
+    centre: np.ndarray
+    radius: float
+    rms: float
+
+
+def fit_sphere(points: np.ndarray) -> Sphere:
+    """Least-squares sphere through points (P, 3), mm, by distance. Chapter 6.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 4 points, or they lie in a plane.
+    """
+    points = _finite_points(points, 4)
+    middle = points.mean(axis=0)
+    local = points - middle
+    A = np.column_stack([2 * local, np.ones(len(local))])
+    solution, _, rank, _ = np.linalg.lstsq(A, np.sum(local**2, axis=1), rcond=1e-9)
+    if rank < 4:
+        raise ValueError(f"{len(points)} points in a plane given; a sphere needs 4 that are not")
+    start = np.append(solution[:3], np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0)))
+    fit = least_squares(lambda p: np.linalg.norm(local - p[:3], axis=1) - p[3], start)
+    return Sphere(fit.x[:3] + middle, float(fit.x[3]), float(np.sqrt(np.mean(fit.fun**2))))
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A fitted plane: unit normal (3,), distance from the origin and RMS residual, mm."""
+
+    normal: np.ndarray
+    distance: float
+    rms: float
+
+
+def fit_plane(points: np.ndarray) -> Plane:
+    """Least-squares plane ``normal . x = distance`` through points (P, 3), mm. Chapter 6."""
+    points = _finite_points(points, 3)
+    middle = points.mean(axis=0)
+    _, values, axes = np.linalg.svd(points - middle, full_matrices=False)
+    if values[1] <= 1e-9 * max(values[0], 1e-300):
+        raise ValueError(f"{len(points)} points on a line given; a plane needs 3 that are not")
+    normal = axes[2] * (1 if axes[2] @ middle >= 0 else -1)
+    residual = (points - middle) @ normal
+    return Plane(normal, float(normal @ middle), float(np.sqrt(np.mean(residual**2))))
+
+
+def _finite_points(points, least):
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < least:
+        raise ValueError(f"points of shape {points.shape} given; (P, 3) is needed, P >= {least}")
+    if not np.isfinite(points).all():
+        raise ValueError("points with NaN given; take those inside the mask")
+    return points

@@ -1,0 +1,83 @@
+"""Depth: absolute phase to points in space (chapter 6)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fpputil.optics.system import System
+
+
+def column(Phi, pitch: float):
+    """Projector column of an absolute phase: i = Phi pitch / 2 pi, pixels (Eq. 5)."""
+    return Phi * (pitch / (2 * np.pi))
+
+
+def triangulate(column: np.ndarray, system: System) -> np.ndarray:
+    """Points where camera rays meet the planes of light of projector columns. Chapter 6.
+
+    Parameters
+    ----------
+    column : (H, W) array
+        Projector column seen by each camera pixel, pixels; NaN outside the mask. Rows, from
+        horizontal fringes, are not triangulated here.
+    system : System
+        Camera and projector; lens distortion of both is honoured.
+
+    Returns
+    -------
+    (H, W, 3) float64 array
+        World coordinates, mm; NaN where the column is NaN, where ray and plane are parallel,
+        where they meet behind the camera, or where a lens distorts too much to follow.
+
+    Raises
+    ------
+    ValueError
+        If the column map does not have the camera's size.
+    """
+    camera, projector = system.camera, system.projector
+    column = np.asarray(column, np.float64)
+    if column.shape != (camera.height, camera.width):
+        raise ValueError(
+            f"columns of shape {column.shape} given; the camera has "
+            f"{(camera.height, camera.width)} pixels (H, W)"
+        )
+    rays = camera.rays()
+    if not projector.distortion.any():
+        planes = projector.P[0] - column[..., None] * projector.P[2]
+        return _meet(planes, rays, camera.centre)
+    points = np.full(rays.shape, np.nan)
+    known = np.isfinite(column)
+    points[known] = _meet_bent(column[known], rays[known], camera.centre, projector)
+    return points
+
+
+def _meet(planes, rays, centre) -> np.ndarray:
+    """Intersect rays (..., 3) from the centre with planes (..., 4): n x + d = 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.sum(planes[..., :3] * rays, axis=-1)
+        scale = -(planes[..., :3] @ centre + planes[..., 3]) / slope
+    scale = np.where((scale > 0) & np.isfinite(scale), scale, np.nan)
+    return centre + scale[..., None] * rays
+
+
+def _meet_bent(column, rays, centre, projector, rounds: int = 50) -> np.ndarray:
+    """Points of columns (P,) that lens distortion bends; NaN where no point is found.
+
+    The row decides how far the plane of light is bent, and follows from the point.
+    """
+    pose = np.column_stack([projector.R, projector.t])
+    row = np.full_like(column, (projector.height - 1) / 2)
+    for _ in range(rounds):
+        local = projector.rays(np.stack([column, row], -1)) @ projector.R.T
+        points = _meet(pose[0] - local[..., :1] * pose[2], rays, centre)
+        moved = projector.project(points)
+        settled = np.abs(moved[:, 1] - row) < 1e-7
+        row = moved[:, 1]
+        if settled[np.isfinite(row)].all():
+            break
+    return np.where(settled[:, None], points, np.nan)
+
+
+def depth_of(points: np.ndarray, system: System) -> np.ndarray:
+    """Depth along the camera's axis, (H, W), mm, of world points (H, W, 3)."""
+    return points @ system.camera.R[2] + system.camera.t[2]

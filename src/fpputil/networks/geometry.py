@@ -1,0 +1,82 @@
+"""What the geometry contributes to the absolute phase of a network's photographs (chapter 8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from fpputil.decoding.minimum_phase import minimum_phase, two_phase_absolute, zmin_order
+from fpputil.decoding.unwrap import TWO_PI, absolute, mf_tpu
+from fpputil.optics.system import FREQUENCIES, System
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Pitches, minimum phases and reference plane of a system.
+
+    Parameters
+    ----------
+    system : System
+        Camera, projector and measuring range.
+    pitches : dict
+        Of "high", "mid", "zmin", "unit", projector pixels.
+    lowest : dict of (H, W) float32 tensors
+        Minimum phase of each of these pitches, centred. At "high" and "mid" it is ambiguous.
+    plane : (H, W) float32 tensor
+        Absolute phase of the high pitch on the plane z_max, radians; NaN where it is not lit.
+    extremes : (low, high)
+        Grey levels that are 0 and 1 to a network.
+    """
+
+    system: System
+    pitches: dict[str, float]
+    lowest: dict[str, Tensor]
+    plane: Tensor
+    extremes: tuple[float, float]
+
+    @classmethod
+    def of(cls, system: System, pitches: dict[str, float], extremes=(0.0, 255.0)) -> Rig:
+        """Rig of a system and its pitches."""
+        lowest = {
+            k: minimum_phase(system, pitches[k], ambiguous=k in ("high", "mid"))
+            for k in FREQUENCIES
+        }
+        columns, width = system.columns_at(system.z_max), system.projector.width
+        lit = (columns >= -0.5) & (columns <= width - 0.5)
+        plane = TWO_PI * np.where(lit, columns, np.nan) / pitches["high"]
+        tensors = {k: torch.as_tensor(v, dtype=torch.float32) for k, v in lowest.items()}
+        plane = torch.as_tensor(plane, dtype=torch.float32)
+        return cls(system, dict(pitches), tensors, plane, tuple(extremes))
+
+    def to(self, device) -> Rig:
+        """The same rig with its tensors on a device."""
+        lowest = {k: v.to(device) for k, v in self.lowest.items()}
+        return replace(self, lowest=lowest, plane=self.plane.to(device))
+
+    def absolute(self, phi_h, phi, Phi_min=None, name: str = "zmin"):
+        """Phi of the high pitch from its wrapped phase and that of a lower one (Eq. 9, 4, 6).
+
+        Parameters
+        ----------
+        phi_h, phi : (...) tensors
+            Radians.
+        Phi_min : (...) tensor, optional
+            Minimum phase of the lower pitch, where the phases are not whole pictures.
+        name : str
+            Of the lower pitch.
+        """
+        Phi_min = self.lowest[name] if Phi_min is None else Phi_min
+        return two_phase_absolute(phi_h, phi, Phi_min, self.pitches["high"], self.pitches[name])
+
+    def one_photograph(self, phi_h):
+        """Phi of the high pitch from its wrapped phase alone: the control of every table."""
+        return absolute(phi_h, zmin_order(phi_h, self.lowest["high"]))
+
+    def by_frequencies(self, phis: dict[str, Tensor]):
+        """Phi of the high pitch by multi-frequency unwrapping of phases by name (Eq. 4-7)."""
+        names = sorted(phis, key=lambda k: -self.pitches[k])
+        pitches = [self.pitches[k] for k in names]
+        return mf_tpu([phis[k] for k in names], pitches, self.system.projector.width)[-1]

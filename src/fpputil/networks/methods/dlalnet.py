@@ -1,0 +1,77 @@
+"""DLALNet: photographs of three pitches to numerator and denominator of each (chapter 9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from fpputil.decoding.phase import wrapped_phase
+from fpputil.networks.dlalnet import DLALNet
+from fpputil.networks.geometry import Rig
+from fpputil.networks.losses import Pixels, Weights, squared
+from fpputil.optics.system import FREQUENCIES, STEPS, Frame
+
+NAMES = ("high", "mid", "unit")
+
+
+@dataclass(frozen=True)
+class DLALNetMethod:
+    """DLALNet: step 0 at the high, mid and unit pitch, each to its M and D.
+
+    Parameters
+    ----------
+    base, levels, dropout
+        As of `SFNet`.
+    weights : Weights, optional
+        None for the plain squared error, as in the paper; otherwise the losses of SFNet.
+    """
+
+    base: int = 12
+    levels: int = 6
+    dropout: float = 0.1
+    weights: Weights | None = None
+
+    photographs: ClassVar[tuple[Frame, ...]] = tuple((name, STEPS, 0) for name in NAMES)
+    second: ClassVar[str] = "unit"
+
+    def __post_init__(self):
+        with torch.device("meta"):
+            self.network()  # its options are checked there
+
+    def network(self) -> nn.Module:
+        """The network, its weights drawn from torch's generator."""
+        return DLALNet(self.base, self.levels, self.dropout)
+
+    def inputs(self, frames: Tensor, rig: Rig) -> Tensor:
+        """What the network sees of photographs (B, 3, H, W): those."""
+        return frames
+
+    def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
+        """phi of the high and of the unit pitch, radians, of outputs (B, 3, 2, ...) (Eq. 3)."""
+        phis = _wrapped(outputs)
+        return phis["high"], phis["unit"]
+
+    def absolute(self, outputs: Tensor, rig: Rig) -> Tensor:
+        """Phi of the high pitch, radians, by three-frequency unwrapping (Eq. 4-7)."""
+        return rig.by_frequencies(_wrapped(outputs))
+
+    def losses(self, outputs: Tensor, batch: dict, rig: Rig) -> dict[str, Tensor]:
+        """Mean squared error of M and D, or the losses of SFNet, (B,) each."""
+        pixels = Pixels.of(batch["mask"])
+        found = pixels.of_images(outputs)
+        at = [FREQUENCIES.index(name) for name in NAMES]
+        true = pixels.of_images(torch.stack([batch["M"][:, at], batch["D"][:, at]], 2))
+        if self.weights is None:
+            return {"total": squared(pixels, found, true)}
+        phi_h, _ = self.phases(found)
+        components, targets = (a.flatten(1).unbind(1) for a in (found, true))
+        Phi, seen = self.absolute(found, rig), batch["Phi"][pixels.mask]
+        return self.weights.losses(pixels, components, targets, phi_h, Phi, seen)
+
+
+def _wrapped(outputs: Tensor) -> dict[str, Tensor]:
+    pairs = zip(NAMES, outputs.unbind(1), strict=True)
+    return {name: wrapped_phase(*pair.unbind(1)) for name, pair in pairs}

@@ -1,0 +1,110 @@
+"""Targets and their poses against plain geometry."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fpputil.calibration.placement import Target, board_poses
+from fpputil.optics.raycast import raycast
+
+PICTURE = np.zeros((30, 40), np.uint8)
+PICTURE[:10, :20] = 255  # bright at the upper left
+FACING = np.eye(3), np.array([0.0, 0.0, 650.0])
+
+
+def test_the_frame_lies_in_the_middle():
+    R = Rotation.from_euler("xyz", (20, -30, 10), degrees=True).as_matrix()
+    target = Target(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]))
+    assert target.size == (200.0, 150.0)
+    local = (target.mesh.vertices - target.t) @ R
+    corners = [(-100, -75, 0), (100, -75, 0), (100, 75, 0), (-100, 75, 0)]
+    np.testing.assert_allclose(local, corners, atol=1e-9)
+    assert (target.mesh.face_normals @ R[:, 2] < 0).all()  # it faces the viewer
+
+
+def test_albedo_at_the_middles_of_the_pixels_is_the_picture():
+    R = Rotation.from_euler("xyz", (20, -30, 10), degrees=True).as_matrix()
+    target = Target(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]), dark=0.1, bright=0.8)
+    x, y = np.meshgrid((np.arange(40) - 19.5) * 5, (np.arange(30) - 14.5) * 5)
+    points = np.stack([x, y, 0 * x], -1).reshape(-1, 3) @ R.T + target.t
+    expected = np.where(PICTURE.ravel() == 255, 0.8, 0.1)
+    np.testing.assert_allclose(target.albedo(points), expected, atol=1e-6)
+
+
+def test_a_photograph_shows_the_picture_upright(tiny):
+    target = Target(PICTURE, 240.0, *FACING)
+    photo = raycast(target.mesh, tiny.system, albedo=target.albedo, supersample=2).plain()
+    quarters = [photo[30:55, 40:75], photo[30:55, 90:120], photo[75:100, 40:75]]
+    bright, *dark = (q.mean() for q in quarters)
+    assert bright > 5 * max(dark) > 0
+
+
+@pytest.fixture(scope="module")
+def drawn(tiny):
+    return board_poses(12, 0, tiny.system, (300, 225))
+
+
+def test_drawn_boards_are_seen_whole(tiny, drawn):
+    system = tiny.system
+    assert len(drawn) == 12
+    for R, t in drawn:
+        x, y = np.meshgrid(np.linspace(-150, 150, 31), np.linspace(-112.5, 112.5, 31))
+        points = np.stack([x, y, 0 * x], -1).reshape(-1, 3) @ R.T + t
+        assert system.camera.inside(system.camera.project(points)).all()
+        assert system.projector.inside(system.projector.project(points)).all()
+        assert system.z_min <= points[:, 2].min() and points[:, 2].max() <= system.z_max
+
+
+def test_drawn_boards_are_tilted_every_way(drawn):
+    normals = np.array([R[:, 2] for R, _ in drawn])
+    tilts = np.degrees(np.arccos(normals[:, 2]))
+    assert (tilts > 25).all() and (tilts < 40).all() and np.ptp(tilts) > 10
+    ways = np.sort(np.arctan2(normals[:, 1], normals[:, 0]))
+    assert np.diff(ways).max() < np.radians(31)
+
+
+def test_drawn_boards_fill_the_picture(tiny, drawn):
+    corners = np.array([(x, y, 0) for x in (-150, 150) for y in (-112.5, 112.5)])
+    pixels = np.concatenate([tiny.system.camera.project(corners @ R.T + t) for R, t in drawn])
+    assert (np.ptp(pixels, axis=0) > 0.9 * np.array([160, 120])).all()
+
+
+def test_a_seed_repeats_its_poses(tiny, drawn):
+    again = board_poses(12, 0, tiny.system, (300, 225))
+    for (R, t), (Q, s) in zip(drawn, again, strict=True):
+        assert np.array_equal(R, Q) and np.array_equal(t, s)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"picture": np.zeros((3, 3))}, "dtype float64"),
+        ({"picture": np.zeros((3, 3, 3), np.uint8)}, r"shape \(3, 3, 3\)"),
+        ({"width": 0}, "width 0 given"),
+        ({"dark": 0.9}, "albedo 0.9 to 0.9"),
+        ({"bright": np.nan}, "albedo 0.08 to nan"),
+        ({"R": 2 * np.eye(3)}, "orthonormal"),
+        ({"R": np.eye(2)}, r"R \(2, 2\)"),
+        ({"t": np.array([0, 0, np.nan])}, "finite"),
+    ],
+)
+def test_bad_targets_are_refused(change, message):
+    good = {"picture": PICTURE, "width": 200.0, "R": FACING[0], "t": FACING[1]}
+    with pytest.raises(ValueError, match=message):
+        Target(**good | change)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"number": 0}, "number 0 given"),
+        ({"seed": -1}, "seed -1 given"),
+        ({"size": (0, 100)}, "width 0 given"),
+        ({"size": (900, 700)}, "900 x 700 mm given; in"),
+        ({"tilt": (40, 25)}, "tilt 40 to 25"),
+    ],
+)
+def test_bad_wishes_are_refused(tiny, change, message):
+    wish = {"number": 1, "seed": 0, "system": tiny.system, "size": (300, 225)}
+    with pytest.raises(ValueError, match=message):
+        board_poses(**wish | change)

@@ -1,0 +1,96 @@
+"""Real light: photographs of a real projector, decoded by the command.
+
+Three pitches that stand as 14 : 15 : 16, twelve steps each. The photographs are not part of the
+project: set FPP_CAPTURES to their folder, or keep it at ../shared/captures.
+"""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpputil.capture.diagnosis import doubts
+from fpputil.capture.gamma import estimate_power, linear
+from fpputil.capture.measurement import scan
+from fpputil.capture.patterns import Patterns
+from fpputil.capture.photographs import open_capture
+from fpputil.cli import main
+from fpputil.decoding import phase, unwrap
+from fpputil.optics.fringes import fringe_set
+
+ROOT = Path(__file__).parents[2]
+CAPTURES = Path(os.environ.get("FPP_CAPTURES", ROOT.parent / "shared" / "captures"))
+PITCHES = (14, 15, 16)
+WIDTH = 1000  # columns of these pitches in view; the beat of all three is 1680 long
+SCENES = ("david", "bottle")
+PATTERNS = Patterns(
+    (WIDTH, WIDTH), fringe_set(PITCHES, 12), "mw", files="period{pitch}_step{step:02}.png",
+    white="white.png",
+)  # fmt: skip
+
+pytestmark = pytest.mark.skipif(
+    not CAPTURES.is_dir(), reason=f"no real captures at {CAPTURES.name}/"
+)
+
+
+def frames_of(scene, fringe=0):
+    capture = open_capture(CAPTURES / scene, PATTERNS)
+    return np.concatenate([f for _, f in capture.batches(capture.of(fringe))])
+
+
+def wrapped(frames):
+    M, D = phase.numerator_denominator(frames.astype(np.float64))
+    return phase.wrapped_phase(M, D), phase.modulation(M, D, len(frames))
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_three_pitches_agree_on_the_column(scene):
+    capture = open_capture(CAPTURES / scene, PATTERNS)
+    found = scan(capture)
+    Phis = unwrap.mw_tpu(list(found.wrapped), PITCHES, WIDTH)
+    columns = [P * p / (2 * np.pi) for P, p in zip(Phis, PITCHES, strict=True)]
+    spread = np.ptp(columns, axis=0)
+    strong = found.modulation[0] > 10
+    assert (spread[strong] < 1).mean() >= 0.997  # by a plain mask
+    assert (spread[found.mask] < 1).mean() >= 0.999
+    assert found.mask[strong].mean() >= 0.98
+    assert not any(d.severe for d in doubts(found, capture))
+
+
+@pytest.mark.parametrize("scene, other", [SCENES, SCENES[::-1]])
+def test_three_steps_gain_by_the_response_of_the_other_scene(scene, other):
+    frames, told = frames_of(scene), frames_of(other)
+    lit = (wrapped(told)[1] > 10) & (told.max(axis=0) < 255)
+    power = estimate_power(told[:, lit])
+    twelve, modulation = wrapped(frames)
+
+    def error(few):
+        off = unwrap.wrap(wrapped(few)[0] - twelve)[modulation > 10]
+        return np.sqrt(np.mean(off**2))
+
+    assert error(frames[[0, 4, 8]]) > 0.1
+    assert error(linear(frames, power)[[0, 4, 8]]) <= 0.04
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_command_decodes_the_folder(scene, tmp_path, capsys):
+    given = ["--files", PATTERNS.files, "--pitches", "14", "15", "16", "--steps", "12"]
+    given += ["--unwrap", "mw", "--projector", f"{WIDTH}x{WIDTH}", "--white", "white.png"]
+    out = tmp_path / "out"
+    assert main(["decode", str(CAPTURES / scene), "--out", str(out), *given]) == 0
+    about = json.loads((out / "summary.json").read_text())
+    assert about["decoded"] and (out / "report.html").stat().st_size > 100_000
+    assert main(["decode", str(CAPTURES / scene), "--out", str(out), "--force", *given,
+                 "--shift", "-1"]) == 1  # fmt: skip
+    assert "grow from right to left" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_swapped_pitches_of_a_real_scene_are_noticed(scene):
+    swapped = replace(PATTERNS, fringes=fringe_set((13, 15, 17.5), 12))
+    capture = open_capture(CAPTURES / scene, PATTERNS)
+    capture = replace(capture, patterns=replace(swapped, files=PATTERNS.files))
+    assert any(d.severe for d in doubts(scan(capture), capture))

@@ -1,0 +1,172 @@
+"""Faults of a capture, each made on purpose, and the word by which it is named."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from fpputil.capture.diagnosis import doubts
+from fpputil.capture.measurement import scan
+from fpputil.capture.patterns import Patterns
+from fpputil.capture.photographs import open_capture
+from fpputil.capture.steps import exchanged, misfits
+from fpputil.capture.virtual import photographs
+from fpputil.optics import shapes
+from fpputil.optics.fringes import fringe_set
+from fpputil.optics.parts import part
+from fpputil.optics.raycast import raycast
+from fpputil.optics.system import preset
+
+SYSTEM = preset("small").system
+PROJECTOR = (912, 1140)
+EIGHT = Patterns(PROJECTOR, fringe_set((912, 114, 18), 8))
+
+
+@pytest.fixture(scope="module")
+def view():
+    return raycast(shapes.place(part(3), 240, [0, 0, 660]), SYSTEM, supersample=2)
+
+
+@pytest.fixture
+def told(tmp_path, view):
+    """Function from patterns, a change of their photographs and a camera to codes of doubts."""
+
+    def judge(
+        patterns=EIGHT, change=lambda frames: frames, shown=None, response=1.0, power=None, **camera
+    ):
+        camera = {"noise": 1.0, **camera}
+        shots = photographs(view, shown or patterns, SYSTEM, 0, response, **camera)
+        frames = {shot.file: frame for shot, frame in shots}
+        names = [shot.file for shot in patterns.shots()]
+        frames = change(dict(zip(names, frames.values(), strict=True)))
+        for name, frame in frames.items():
+            cv2.imwrite(str(tmp_path / name), frame)
+        capture = open_capture(tmp_path, patterns)
+        system = SYSTEM if patterns.unwrap == "minimum" else None
+        found = doubts(scan(capture, patterns.axes[0], system=system, power=power), capture)
+        assert all(d.found and d.remedy for d in found)
+        return {d.code: d.severe for d in found}
+
+    return judge
+
+
+def taken(*pairs):
+    """Change that gives each first name the photograph of the second."""
+    return lambda frames: frames | {a: frames[b] for a, b in pairs}
+
+
+def swapped(p, q):
+    names = [(f"column-{a}-{n:02}.png", f"column-{b}-{n:02}.png")
+             for n in range(8) for a, b in ((p, q), (q, p))]  # fmt: skip
+    return taken(*names)
+
+
+@pytest.mark.parametrize("steps", [4, 5, 8, 15])
+def test_nothing_is_said_of_a_good_capture(told, steps):
+    assert told(Patterns(PROJECTOR, fringe_set((912, 114, 18), steps))) == {}
+
+
+def test_other_unwrappings_are_good_too(told):
+    for unwrap, pitches in (("mw", (15, 16, 17.2)), ("nt", (31, 33)), ("minimum", (304, 18))):
+        assert told(Patterns(PROJECTOR, fringe_set(pitches, 8), unwrap)) == {}
+    rows = Patterns(PROJECTOR, fringe_set((1140, 114, 19), 8, axis="row"))
+    assert told(rows) == {}
+    assert told(replace(rows, shift=-1), shown=rows) == {"direction": True}
+
+
+@pytest.mark.parametrize("steps", [4, 8])
+@pytest.mark.parametrize(
+    "unwrap, pitches",
+    [
+        ("mf", (912, 114, 18)),
+        ("mf", (912, 114, 19)),
+        ("mw", (15, 16, 17.2)),
+        ("nt", (31, 33)),
+        ("minimum", (304, 18)),
+    ],  # fmt: skip
+)
+def test_a_wrong_direction_of_the_shift_is_named(told, unwrap, pitches, steps):
+    patterns = Patterns(PROJECTOR, fringe_set(pitches, steps), unwrap)
+    assert told(replace(patterns, shift=-1), shown=patterns) == {"direction": True}
+
+
+@pytest.mark.parametrize("pair", [(114, 18), (912, 114), (912, 18)])
+def test_swapped_frequencies_are_named(told, pair):
+    assert told(change=swapped(*pair)) == {"swapped": True}
+
+
+def test_a_repeated_an_exchanged_and_a_rolled_photograph_are_named(told):
+    a, b = "column-18-03.png", "column-18-02.png"
+    assert told(change=taken((a, b))) == {"frame": True}
+    assert told(change=taken((a, b), (b, a))) == {"exchanged": True}
+    names = [f"column-114-{n:02}.png" for n in range(8)]
+    rolled = list(zip(names, names[1:] + names[:1], strict=True))
+    assert told(change=taken(*rolled)) == {"offset": True}
+
+
+def test_other_pitches_than_given_are_named(told):
+    shown = Patterns(PROJECTOR, fringe_set((912, 120, 20), 8))
+    assert any(told(shown=shown).values())
+    shown = Patterns(PROJECTOR, fringe_set((912, 60, 18), 8))
+    assert told(shown=shown) == {"pitch": True}
+
+
+def test_a_mirrored_picture_is_named(told):
+    assert told(change=lambda f: {k: v[:, ::-1] for k, v in f.items()}) == {"direction": True}
+
+
+@pytest.mark.parametrize("top", [0.6, 0.8])
+def test_a_saturated_projector_is_named(told, top, monkeypatch):
+    from fpputil.optics.fringes import Fringe
+
+    whole = Fringe._buffer
+    cut = lambda fringe, i, n: np.minimum(whole(fringe, i, n), 255 * top)  # noqa: E731
+    monkeypatch.setattr(Fringe, "_buffer", cut)
+    assert told() == {"clipped": True}
+
+
+@pytest.mark.parametrize(
+    "camera, expected",
+    [
+        ({"gain": 2.5}, {"saturated": True}),
+        ({"gain": 1.55}, {"saturated": False}),
+        ({"gain": 0.1}, {"dark": False}),
+        ({"gain": 0.02}, {"dark": True}),
+        ({"gain": 0.3, "ambient": 120}, {"contrast": False}),
+        ({"response": 1.6}, {}),
+        ({"gamma": 0.5}, {}),
+    ],
+)
+def test_light_that_does_not_suit_is_named(told, camera, expected):
+    assert told(**camera) == expected
+
+
+def test_a_response_that_is_left_as_it_is_is_named(told):
+    few = Patterns(PROJECTOR, fringe_set((912, 114, 18), (8, 8, 3)))
+    assert told(few, gamma=0.7) == {}
+    assert told(few, power=1.0, gamma=0.7) == {"response": False}
+
+
+@pytest.mark.parametrize("level", [0, 200])
+def test_a_picture_without_fringes_is_named(told, level):
+    assert told(change=lambda f: {k: np.full_like(v, level) for k, v in f.items()}) == {
+        "dark": True
+    }
+
+
+def test_steps_that_do_not_belong_are_found():
+    rng = np.random.default_rng(0)
+    phi = rng.uniform(-3, 3, 300)
+    frames = 120 + 60 * np.cos(phi + 2 * np.pi * np.arange(12)[:, None] / 12)
+    frames += rng.standard_normal(frames.shape)
+    assert misfits(frames) == [] and exchanged(frames) is None
+    bad = frames.copy()
+    bad[[4, 9]] = frames[[9, 4]]
+    assert exchanged(bad) == (4, 9)
+    bad = frames.copy()
+    bad[7] = 20
+    assert misfits(bad) == [7]
+    bad[2] = frames[5]
+    assert sorted(misfits(bad)) == [2, 7]
+    assert misfits(frames[:4]) == [] and exchanged(frames[:4]) is None

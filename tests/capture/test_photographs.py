@@ -1,0 +1,117 @@
+"""Folders of photographs: every kind of file, and every way in which one can be wrong."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fpputil.capture.patterns import Patterns
+from fpputil.capture.photographs import AT_ONCE, open_capture, read_photograph
+from fpputil.optics.fringes import Fringe
+
+GREY = np.random.default_rng(0).integers(0, 256, (12, 16), np.uint8)
+PATTERNS = Patterns((48, 32), (Fringe(48, 20),), files="{step:02}.png", white="w.png")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for shot in PATTERNS.shots():
+        cv2.imwrite(str(tmp_path / shot.file), np.full((12, 16), shot.step, np.uint8))
+    PATTERNS.save(tmp_path / "patterns.toml")
+    return tmp_path
+
+
+KINDS = [(s, t) for s in ("png", "tif", "tiff", "npy", "PNG") for t in (np.uint8, np.uint16)]
+
+
+@pytest.mark.parametrize(
+    "suffix, dtype", [*KINDS, ("bmp", np.uint8), ("tif", np.float32), ("npy", np.float32)]
+)
+def test_every_kind_is_read_as_it_is(tmp_path, suffix, dtype):
+    path, image = (
+        tmp_path / f"a.{suffix}",
+        (GREY * dtype(3 if dtype != np.uint8 else 1)).astype(dtype),
+    )
+    np.save(path, image) if suffix == "npy" else cv2.imwrite(str(path), image)
+    found = read_photograph(path)
+    assert found.dtype == dtype
+    np.testing.assert_array_equal(found, image)
+
+
+@pytest.mark.parametrize("suffix", ["png", "npy"])
+def test_colour_becomes_grey(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    colour = np.zeros((4, 5, 4), np.uint8)
+    colour[..., 0], colour[..., 3] = 200, 255  # of RGB red; cv2 wants it last but one
+    np.save(path, colour) if suffix == "npy" else cv2.imwrite(str(path), colour[..., [2, 1, 0, 3]])
+    np.testing.assert_array_equal(read_photograph(path), round(0.299 * 200))
+
+
+def test_what_is_wrong_with_a_file_is_named(tmp_path):
+    def refused(name, said, kind=ValueError):
+        with pytest.raises(kind, match=said):
+            read_photograph(tmp_path / name)
+
+    refused("none.png", "no such photograph", FileNotFoundError)
+    (tmp_path / "a.jpg").write_bytes(b"")
+    refused("a.jpg", "png, bmp, tif, tiff, npy files are read")
+    for suffix in ("png", "bmp", "tif", "npy"):
+        path = tmp_path / f"cut.{suffix}"
+        np.save(path, GREY) if suffix == "npy" else cv2.imwrite(str(path), GREY)
+        path.write_bytes(path.read_bytes()[:-9])
+        refused(path.name, "is cut")
+        path.write_bytes(b"")
+        refused(path.name, "is cut")
+    for name, array, said in [
+        ("nan", np.full((3, 3), np.nan), "NaN or infinite"),
+        ("int", np.zeros((3, 3), np.int64), "dtype int64"),
+        ("flat", np.zeros(3, np.uint8), r"shape \(3,\)"),
+        ("deep", np.zeros((3, 3, 7), np.uint8), r"shape \(3, 3, 7\)"),
+        ("none", np.zeros((0, 3), np.uint8), r"shape \(0, 3\)"),
+        ("object", np.array([[{}]], object), "is cut, or not an array of numbers"),
+    ]:
+        np.save(tmp_path / f"{name}.npy", array)
+        refused(f"{name}.npy", said)
+
+
+def test_a_folder_is_found_whole_and_read_in_batches(folder):
+    capture = open_capture(folder)
+    assert capture.size == (12, 16) and capture.dtype == np.uint8 and capture.full == 255
+    assert (capture.colours() == 0).all() and capture.colours().shape == (12, 16, 3)
+    sizes, steps = [], []
+    for shots, frames in capture.batches(capture.of(0)):
+        sizes.append(len(frames))
+        steps += [s.step for s in shots]
+        assert (frames == np.array([s.step for s in shots])[:, None, None]).all()
+    assert steps == list(range(20)) and max(sizes) == AT_ONCE
+
+
+def test_missing_and_differing_photographs_are_named(folder, tmp_path):
+    (folder / "07.png").unlink()
+    with pytest.raises(FileNotFoundError, match=r"07.png missing in .*: 20 of 21 photographs"):
+        open_capture(folder)
+    cv2.imwrite(str(folder / "07.png"), np.zeros((9, 9), np.uint8))
+    capture = open_capture(folder)
+    with pytest.raises(ValueError, match="07.png is 9 x 9 of uint8, the first photograph 16 x 12"):
+        list(capture.batches(capture.of(0)))
+    with pytest.raises(FileNotFoundError, match="there is no such folder"):
+        open_capture(folder / "none")
+    (folder / "patterns.toml").unlink()
+    with pytest.raises(FileNotFoundError, match="no patterns.toml in"):
+        open_capture(folder)
+
+
+@settings(max_examples=1500, deadline=None)
+@given(st.sampled_from(["png", "bmp", "tif", "npy"]), st.data())
+def test_any_bytes_are_read_or_refused(tmp_path_factory, suffix, data):
+    path = tmp_path_factory.getbasetemp() / f"fuzz.{suffix}"
+    np.save(path, GREY) if suffix == "npy" else cv2.imwrite(str(path), GREY)
+    content = bytearray(path.read_bytes())
+    for at, value in data.draw(st.lists(st.tuples(st.integers(0, 400), st.integers(0, 255)))):
+        content[at % len(content)] = value
+    path.write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    try:
+        assert read_photograph(path).ndim == 2
+    except ValueError as error:
+        assert str(path) in str(error)

@@ -1,0 +1,146 @@
+"""A Dask cluster on loopback, one of whose workers is killed."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from fpputil.dataset import parallel as engines
+from fpputil.dataset.generate import generate
+from fpputil.dataset.plan import seeded_models
+
+
+def double(x):
+    return 2 * x
+
+
+def fail(x):
+    raise OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_and_errors(workers):
+    assert sorted(engines.run(double, [(n,) for n in range(5)], workers)) == [0, 2, 4, 6, 8]
+    assert list(engines.run(double, [], workers)) == []
+    with pytest.raises(OSError, match="No space"):
+        list(engines.run(fail, [(1,), (2,)], workers))
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(engines, "PATIENCE", 1)
+    with pytest.raises(RuntimeError, match="tcp://127.0.0.1:9 given; it does not answer"):
+        list(engines.run(double, [(1,)], scheduler="tcp://127.0.0.1:9"))
+
+
+@pytest.mark.parametrize("address", ["foo", "tcp://host", "127.0.0.1:8786"])
+def test_an_address_that_is_none(address):
+    with pytest.raises(ValueError, match="an address like tcp://host:8786 is needed"):
+        list(engines.run(double, [(1,)], scheduler=address))
+
+
+def test_jobs_after_an_error_are_not_started(tmp_path):
+    jobs = [(0, str(tmp_path))] + [(n, str(tmp_path)) for n in range(1, 60)]
+    with pytest.raises(OSError, match="No space"):
+        list(engines.run(touch_or_fail, jobs, 2))
+    assert len(list(tmp_path.iterdir())) < 30
+
+
+def touch_or_fail(n, folder):
+    if n == 0:
+        fail(n)
+    time.sleep(0.05)
+    (Path(folder) / str(n)).touch()
+
+
+def test_without_dask(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(RuntimeError, match="Dask is missing: pip install"):
+        list(engines.run(double, [(1,)], scheduler="tcp://127.0.0.1:9"))
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """A scheduler and two workers, each a process of its own, on loopback."""
+    pytest.importorskip("distributed")
+    start = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    address = tmp_path / "scheduler.json"
+    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", address]
+    with open(tmp_path / "log", "w") as log:
+        quiet = {"stdout": log, "stderr": log, "cwd": tmp_path}
+        processes = [subprocess.Popen([*start, *options], **quiet)]
+        try:
+            wait_for(address.exists)
+            start = [
+                sys.executable,
+                "-m",
+                "distributed.cli.dask_worker",
+                "--scheduler-file",
+                address,
+            ]
+            options = ["--no-nanny", "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1"]
+            processes += [subprocess.Popen([*start, *options], **quiet) for _ in range(2)]
+            yield json.loads(address.read_text())["address"], processes[1:]
+        finally:
+            for process in processes:
+                process.kill()
+                process.wait()
+
+
+def wait_for(condition, seconds=60):
+    limit = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < limit
+        time.sleep(0.02)
+
+
+def test_a_cluster_that_loses_a_worker(small_set, cluster, tmp_path):
+    """The dataset is complete all the same, and no byte differs."""
+    address, workers = cluster
+    import distributed
+
+    with distributed.Client(address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+    out = tmp_path / "set"
+    options = ["--models", "10", "--held-out", "1", "--views", "2", "--scheduler", address]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "fpputil.cli", "dataset", "generate", str(out), *options],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    wait_for(lambda: list(out.glob("records/*.json")) or run.poll() is not None)
+    workers[0].send_signal(signal.SIGKILL)
+    half_way = len(list(out.glob("records/*.json")))
+    said, _ = run.communicate(timeout=120)
+    assert run.returncode == 0, said
+    assert workers[0].wait() == -signal.SIGKILL and 0 < half_way < 11
+    files = {f.relative_to(out): f.read_bytes() for f in out.rglob("*") if f.is_file()}
+    expected = {
+        f.relative_to(small_set): f.read_bytes() for f in small_set.rglob("*") if f.is_file()
+    }
+    assert files == expected
+
+
+def test_a_cluster_that_goes_away(cluster, tmp_path):
+    address, workers = cluster
+    out = tmp_path / "set"
+    call = [sys.executable, "-m", "fpputil.cli", "dataset", "generate", str(out), "--models", "200"]
+    run = subprocess.Popen([*call, "--scheduler", address], stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: list(out.glob("records/*.json")) or run.poll() is not None)
+    scheduler = psutil.Process(workers[0].pid).parent()
+    for process in scheduler.children():
+        if "dask_scheduler" in " ".join(process.cmdline()):
+            process.kill()
+    _, said = run.communicate(timeout=120)
+    assert run.returncode == 1 and "the same command goes on" in said.splitlines()[-1]
+
+
+def test_generating_through_a_cluster_from_python(small_set, cluster, tmp_path):
+    models = seeded_models(10, 1)
+    manifest = generate(tmp_path / "set", "tiny", *models, views=2, scheduler=cluster[0])
+    expected = json.loads((small_set / "manifest.json").read_text())
+    assert manifest["content"] == expected["content"]

@@ -1,0 +1,175 @@
+"""Reading a dataset: damage is found, and nothing half-written is read as data."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import zarr
+
+from fpputil.dataset import layout
+from fpputil.dataset.store import check, open_store
+from fpputil.optics.fringes import Fringe
+
+
+@pytest.fixture
+def copy(small_set, tmp_path):
+    return shutil.copytree(small_set, tmp_path / "copy")
+
+
+def test_a_whole_dataset_passes(small_set):
+    assert check(small_set) == []
+
+
+@pytest.mark.parametrize(
+    "place", ["column/c/0/0/0", "shade/c/4/0/0", "depth/zarr.json", "zarr.json"]
+)
+def test_one_flipped_bit_is_found(place, copy):
+    file = copy / place
+    data = bytearray(file.read_bytes())
+    for position in (0, len(data) // 2, len(data) - 1):
+        data[position] ^= 1
+        file.write_bytes(data)
+        assert check(copy) == [f"{place}: not as it was written"]
+        data[position] ^= 1
+    file.write_bytes(data)
+    assert check(copy) == []
+
+
+def test_missing_and_foreign_files_are_found(copy):
+    (copy / "mask/c/2/0/0").unlink()
+    (copy / "notes.txt").write_text("mine")
+    assert check(copy) == ["mask/c/2/0/0: missing", "notes.txt: not part of the dataset"]
+
+
+def test_a_flipped_manifest_is_found(copy):
+    file = copy / layout.MANIFEST
+    text = file.read_text()
+    file.write_text(text.replace('"seed": 0', '"seed": 1', 1))
+    with pytest.raises(ValueError, match="not as it was written"):
+        open_store(copy)
+    file.write_text(text[: len(text) // 2])
+    with pytest.raises(ValueError, match="is damaged"):
+        open_store(copy)
+
+
+@pytest.mark.parametrize("name", ["mask", "column"])
+def test_a_damaged_shard_is_never_read_as_data(name, copy):
+    index = int(open_store(copy).indices("training")[0])
+    file = copy / f"{name}/c/{index // 2}/0/0"
+    data = bytearray(file.read_bytes())
+    start = 0 if index % 2 == 0 else len(data) - 60  # in the first chunk, or the last
+    data[start + 20] ^= 255
+    file.write_bytes(data)
+    with pytest.raises(ValueError, match="cannot be read .*fpp dataset check"):
+        open_store(copy).view(index)
+
+
+def test_a_missing_shard_is_never_read_as_data(copy):
+    index = int(open_store(copy).indices("test")[0])
+    for name in layout.KINDS:
+        (copy / f"{name}/c/{index // 2}/0/0").unlink()
+        with pytest.raises(ValueError, match="fpp dataset check|inside the mask"):
+            open_store(copy).view(index)
+
+
+def test_a_newer_format_is_refused(copy):
+    file = copy / layout.MANIFEST
+    manifest = json.loads(file.read_bytes())
+    file.write_bytes(layout.dumps({**manifest, "version": layout.VERSION + 1}))
+    with pytest.raises(ValueError, match="has format version 2; this library reads up to 1"):
+        open_store(copy)
+    file.write_bytes(layout.dumps({**manifest, "format": "another"}))
+    with pytest.raises(ValueError, match="of the format 'another'"):
+        open_store(copy)
+
+
+def test_what_is_no_dataset(tmp_path, small_set):
+    with pytest.raises(FileNotFoundError, match="no such folder"):
+        open_store(tmp_path / "none")
+    with pytest.raises(ValueError, match="is not a dataset"):
+        open_store(tmp_path)
+    with pytest.raises(ValueError, match="split 'train' given; the splits are training, "):
+        open_store(small_set).indices("train")
+
+
+def test_any_zarr_reader_reads_it(small_set):
+    group, store = zarr.open_group(small_set, mode="r"), open_store(small_set)
+    index = int(store.indices("validation")[0])
+    view = store.view(index)
+    assert group["column"].shape == (22, 120, 160) and group["column"].metadata.dimension_names == (
+        "view",
+        "v",
+        "u",
+    )
+    np.testing.assert_array_equal(group["column"][index], view.column)
+    np.testing.assert_array_equal(group["mask"][index], view.mask)
+
+
+def test_photographs_of_any_pitch_steps_and_noise(small_set):
+    store = open_store(small_set)
+    index = int(store.indices("training")[0])
+    fringes = [Fringe(33, 4), Fringe(500, 7)]
+    clean = store.photographs(index, fringes)
+    noisy = store.photographs(index, fringes, noise=3.0)
+    assert clean.shape == (11, 120, 160) and clean.dtype == np.uint8
+    lit = clean.max(0) > 20
+    assert 2.5 < (noisy.astype(float) - clean)[:, lit].std() < 3.5
+    np.testing.assert_array_equal(noisy, store.photographs(index, fringes, noise=3.0))
+
+
+@pytest.mark.parametrize("index", [-1, 22, 999])
+def test_a_view_that_is_not_there(index, small_set):
+    for ask in ("view", "about"):
+        with pytest.raises(ValueError, match=f"view {index} given; .* has views 0 to 21"):
+            getattr(open_store(small_set), ask)(index)
+
+
+@pytest.mark.parametrize("name", ["mask", "column", "shade", "depth"])
+def test_every_flipped_byte_of_a_chunk_or_the_index_is_noticed(name, copy):
+    """Blosc does not notice each of them; the CRC of the chunk and of the index do."""
+    store = open_store(copy)
+    index = int(store.indices("training")[0])
+    file = copy / f"{name}/c/{index // 2}/0/0"
+    whole = file.read_bytes()
+    expected = store.array(name, index)
+    for position in (*range(0, len(whole), max(1, len(whole) // 60)), *range(-36, 0)):
+        data = bytearray(whole)
+        data[position] ^= 64
+        file.write_bytes(data)
+        try:
+            read = store.array(name, index)
+        except ValueError:
+            continue
+        np.testing.assert_array_equal(read, expected)  # the byte belongs to the other view
+
+
+def test_a_view_of_few_pixels_is_left_out(copy):
+    manifest = json.loads((copy / layout.MANIFEST).read_bytes())
+    index = int(open_store(copy).indices("training")[0])
+    least = manifest["settings"]["least"]
+    for lit, listed in ((least - 1, False), (least, True)):
+        manifest["records"][index // 2]["lit"][index % 2] = lit
+        manifest["seal"] = layout.seal(manifest)
+        (copy / layout.MANIFEST).write_bytes(layout.dumps(manifest))
+        assert (index in open_store(copy).indices("training")) is listed
+
+
+def test_a_file_that_cannot_be_read_is_a_line_of_the_list(copy):
+    (copy / "mask/c/2/0/0").unlink()
+    (copy / "mask/c/2/0/0").mkdir()
+    assert check(copy) == ["mask/c/2/0/0: cannot be read (Is a directory)"]
+
+
+def test_content_speaks_for_every_shard(small_set):
+    records = json.loads((small_set / layout.MANIFEST).read_bytes())["records"]
+    before = layout.content(records)
+    records[3]["shards"]["column/c/3/0/0"]["sha256"] = "0" * 64
+    assert layout.content(records) != before
+
+
+def test_reading_is_what_zarr_reads(small_set):
+    group, store = zarr.open_group(small_set, mode="r"), open_store(small_set)
+    for name in layout.KINDS:
+        for index in range(22):
+            np.testing.assert_array_equal(group[name][index], store.array(name, index))

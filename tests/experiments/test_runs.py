@@ -1,0 +1,361 @@
+"""Runs by name: what they find, that a killed one goes on, and that none is made twice."""
+
+import json
+import math
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from filelock import FileLock
+
+from fpputil.cli import main
+from fpputil.dataset import naming
+from fpputil.dataset.store import open_store
+from fpputil.experiments import assessment, tables
+from fpputil.experiments import learning_rate as rates
+from fpputil.experiments import registry as experiments
+from fpputil.experiments import runs as results
+from fpputil.experiments.error_analysis import DISTANCES, Inspection
+from fpputil.experiments.registry import ROWS, SEEDS, budget, methods, seeded_name
+from fpputil.learning.evaluation import evaluate, open_split
+from fpputil.learning.weights import load_weights
+
+KINDS = ("sfnet", "sido", "psnet", "dlalnet")
+SHORT = {"epochs": 2, "views": 4, "batch": 4, "validate": 2, "precision": "float32"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_runs():
+    """The runs as they are, but of small networks that see eight views."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(experiments, "sized", lambda name, unit: 2)
+        short = replace(budget("tiny"), **SHORT)
+        patched.setattr(results, "budget", lambda preset: short)
+        patched.setattr(rates, "SEARCHED", KINDS)
+        patched.setattr(rates, "SEARCH", replace(short, epochs=1))
+        patched.setattr(assessment, "CONDITION_VIEWS", 1)
+        yield
+
+
+@pytest.fixture(scope="module")
+def found(small_set, tmp_path_factory):
+    """A folder of results with the runs of Table 3 but one, and a search that is made up."""
+    out = tmp_path_factory.mktemp("results")
+    (out / "tiny").mkdir()
+    tried = {"0.001": {"mae": 2}, "0.002": {"mae": 1}, "0.004": {"mae": 3}}
+    text = json.dumps(
+        {"data": "", "settings": {}, "methods": {}, "runs": dict.fromkeys(KINDS, tried)}
+    )
+    (out / "tiny" / "rates.json").write_text(text)
+    for name in ("sfnet", "sido", "psnet", "sfnet-seed-1"):
+        results.run(name, "tiny", small_set, out / "work", out)
+    return out
+
+
+def weights_of(out, name):
+    (path,) = (out / "work" / "tiny").glob(f"{name}-????????/weights.safetensors")
+    return path
+
+
+def make(name, data, out):
+    return results.run(name, "tiny", data, out / "work", out)
+
+
+def test_every_row_is_a_run_and_sixteen_are_distinct():
+    for preset in ("tiny", "small", "paper"):
+        known = experiments.experiments(preset)
+        rows = [name for number in (3, 4, 5, 6) for name in ROWS[number].values()]
+        assert len(rows) == 19 and len(set(rows)) == 16
+        for name in (*rows, *ROWS["ours"].values()):
+            assert {known[seeded_name(name, s)].seed for s in SEEDS.get(name, (0,))} == set(
+                SEEDS.get(name, (0,))
+            )
+        assert len(known) == 16 + 7 + 2 * 6
+        made = [one.method for one in known.values() if not one.seed]
+        assert all(made.count(method) == 1 for method in made)  # no row is another by mistake
+
+
+def test_each_row_differs_from_sfnet_in_what_it_says():
+    known = methods("tiny")
+    sfnet = known["sfnet"]
+    assert known["sfnet-b"] == replace(
+        sfnet, weights=replace(sfnet.weights, consistency=0, geometric=0)
+    )
+    assert known["sfnet-a"] == replace(known["sfnet-b"], mixing="none")
+    assert known["sfnet-1e-3-1e-5"].weights == replace(
+        sfnet.weights, consistency=1e-3, geometric=1e-5
+    )
+    assert (sfnet.weights.consistency, sfnet.weights.geometric) == (1e-2, 1e-6)
+    assert known["sfnet-3-frames"] == replace(sfnet, frames=3)
+    assert known["dlalnet"].weights is None
+    assert known["dlalnet-losses"].weights == replace(sfnet.weights, mean=True)
+
+
+def test_what_a_run_leaves(found, small_set):
+    run = json.loads((found / "tiny" / "sfnet.json").read_text())
+    assert run["seed"] == 0 and run["images"] == 8 and run["preset"] == "tiny"
+    assert run["settings"]["rate"] == rates.best_rate(found / "tiny" / "rates.json", "sfnet")
+    assert len(run["history"]) == 2 and run["seconds"] > 0
+    assert run["hardware"]["torch"] == torch.__version__
+    assert run["content"] == run["data"] == open_store(small_set).manifest["content"]
+    trained = load_weights(weights_of(found, "sfnet"))
+    data = open_split(trained, small_set, "test")
+    both, alone = evaluate(trained, data)
+    expected = both.summary()
+    for name, values in run["splits"]["test"]["measures"].items():
+        assert values == pytest.approx(expected[name], rel=1e-3, nan_ok=True), name
+    assert run["splits"]["test"]["alone"]["order_errors"] == pytest.approx(
+        alone.summary()["order_errors"], rel=1e-3
+    )
+    test = run["splits"]["test"]
+    assert test["models"] == list(both.models)
+    number, total, square = np.array(test["sums"]["rad"]).sum(axis=0)
+    assert total / number == pytest.approx(expected["mae_rad"][0], rel=1e-4)
+    assert math.sqrt(square / number) == pytest.approx(expected["rmse_rad"][0], rel=1e-4)
+    for kind, name in (("order", "order_errors"), ("high", "mae_high"), ("low", "mae_low")):
+        number, total, _ = np.array(test["sums"][kind]).sum(axis=0)
+        assert total / number == pytest.approx(expected[name][0], rel=1e-4)
+    assert set(run["conditions"]) == set(assessment.CONDITIONS)
+    inspection = Inspection()
+    evaluate(trained, data, inspection.add)
+    for name, values in assessment.inspected([run]).items():
+        assert values == pytest.approx(inspection.summary()[name], rel=1e-4, nan_ok=True), name
+    assert len(inspection.summary()["edge_mae"]) == len(DISTANCES) - 1
+    assert run["splits"]["held-out"]["views"] == 2
+    assert (found / "tiny" / "sfnet.png").stat().st_size > 1000
+
+
+def test_darkness_hides_no_pixel(found):
+    """Brightness changes photographs, not what counts."""
+    run = json.loads((found / "tiny" / "sfnet.json").read_text())
+    numbers = {k: np.array(c["sums"]["rad"])[:, 0] for k, c in run["conditions"].items()}
+    assert (numbers["a quarter as bright"] == numbers["as trained"]).all()
+    errors = [run["conditions"][k]["measures"]["mae_rad"][0] for k in ("as trained", "noise 8")]
+    assert errors[0] != errors[1]
+
+
+def test_pictures_are_errors_of_test_views(found, small_set):
+    trained = load_weights(weights_of(found, "psnet"))
+    data = open_split(trained, small_set, "test")
+    with np.load(found / "tiny" / "psnet.npz") as file:
+        assert set(file) == {str(i) for i in data.indices}
+        for k, index in enumerate(data.indices):
+            assert file[str(index)].shape == (int(data[k]["mask"].sum()),)
+            assert file[str(index)].dtype == np.float32
+
+
+def test_the_truth_of_the_pictures_is_kept_once(found, small_set):
+    data = open_split(load_weights(weights_of(found, "sido")), small_set, "test")
+    with np.load(found / "tiny" / naming.VIEWS) as file:
+        for k, index in enumerate(data.indices):
+            for name in assessment.TRUTH:
+                np.testing.assert_array_equal(file[f"{index}-{name}"], data[k][name].numpy())
+
+
+def test_a_finished_run_is_not_made_again(found, small_set, monkeypatch):
+    before = (found / "tiny" / "sido.json").read_bytes()
+    monkeypatch.setattr(results, "fit", None)
+    assert make("sido", small_set, found)["name"] == "sido"
+    assert (found / "tiny" / "sido.json").read_bytes() == before
+
+
+def test_nor_where_another_processor_rounded_its_dataset(found, small_set, tmp_path, monkeypatch):
+    shutil.copytree(found / "tiny", tmp_path / "tiny")
+    for name in (*KINDS[:3], "sfnet-seed-1"):
+        run = json.loads((path := tmp_path / "tiny" / f"{name}.json").read_text())
+        path.write_text(json.dumps(run | {"data": "another"}))
+    with np.load(path := tmp_path / "tiny" / naming.VIEWS) as file:
+        views = dict(file)
+    np.savez(path, **views | {"data": np.array("another")})
+    before = path.read_bytes()
+    (tmp_path / "tiny" / "psnet.json").unlink()
+    made = make("psnet", small_set, tmp_path)
+    assert made["data"] == "another"
+    assert made["content"] == open_store(small_set).manifest["content"]
+    assert path.read_bytes() == before
+    assert set(results.read_results("tiny", tmp_path)) == {*KINDS[:3], "sfnet-seed-1"}
+    monkeypatch.setattr(results, "fit", None)
+    assert make("sido", small_set, tmp_path)["data"] == "another"
+
+
+def test_a_stopped_run_goes_on_to_the_same_numbers(found, small_set, tmp_path, monkeypatch):
+    (tmp_path / "tiny").mkdir()
+    (tmp_path / "tiny" / "rates.json").write_bytes((found / "tiny" / "rates.json").read_bytes())
+    trained_once = results.fit
+
+    def killed(*args, **how):
+        trained_once(*args, **how)
+        raise KeyboardInterrupt  # after the last epoch, before anything is measured
+
+    monkeypatch.setattr(results, "fit", killed)
+    with pytest.raises(KeyboardInterrupt):
+        make("psnet", small_set, tmp_path)
+    assert not (tmp_path / "tiny" / "psnet.json").exists()
+    monkeypatch.setattr(results, "fit", trained_once)
+    again, before = make("psnet", small_set, tmp_path), make("psnet", small_set, found)
+    for name in ("splits", "conditions", "images"):
+        assert again[name] == before[name], name
+
+
+def test_a_run_under_way_elsewhere_is_left_to_others(found, small_set, capsys, monkeypatch):
+    """Others come first; then one waits for it."""
+    wanted = experiments.experiments("tiny")["sido"]
+    before = found / "tiny" / "sido.json"
+    _, about = results._wanted("sido", "tiny", wanted, small_set, found)
+    assert results.finished(before, about) is not None
+    folder = weights_of(found, "sido").parent
+    lock, waited = FileLock(folder / ".lock"), []
+    lock.acquire()
+    with pytest.raises(BlockingIOError, match="another process is making the run sido"):
+        make("sido", small_set, found)
+    real = results.run
+
+    def run(name, *args, **how):
+        if args[-1]:  # it waits
+            waited.append(name)
+            lock.release()
+        return real(name, *args, **how)
+
+    monkeypatch.setattr(results, "run", run)
+    places = ("--data", small_set, "--work", found / "work", "--results", found)
+    assert main(["results", "run", "sido", "psnet", *map(str, places)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "another process" in said[0] and said[1].startswith("psnet ")
+    assert said[2].startswith("sido ") and waited == ["sido"]
+
+
+def test_a_run_that_diverges_does_not_stop_the_others(found, small_set, capsys, monkeypatch):
+    real = results.fit
+
+    def fit(method, *args, **how):
+        if method == experiments.methods("tiny")["dlalnet"]:
+            raise FloatingPointError("the loss is nan")
+        return real(method, *args, **how)
+
+    monkeypatch.setattr(results, "fit", fit)
+    places = ("--data", small_set, "--work", found / "work", "--results", found)
+    assert main(["results", "run", "dlalnet", "sido", *map(str, places)]) == 1
+    said = capsys.readouterr().out
+    assert "dlalnet: the loss is nan" in said and "sido  " in said
+
+
+def test_other_settings_are_another_run(found, small_set, monkeypatch):
+    """Neither taken for finished, nor shown in a table, nor resumed."""
+    longer = replace(results.budget("tiny"), epochs=3)
+    monkeypatch.setattr(results, "budget", lambda preset: longer)
+    with pytest.raises(ValueError, match=r"sfnet\.json was made with other settings .* sfnet"):
+        results.read_results("tiny", found)
+    wanted = experiments.experiments("tiny")["psnet"]
+    _, about = results._wanted("psnet", "tiny", wanted, small_set, found)
+    assert results.finished(found / "tiny" / "psnet.json", about) is None
+
+
+@pytest.mark.parametrize(
+    "text, said", [('{"a": 1}', "no name in it"), ('{"na', "no file of results"), ("[]", "no name")]
+)
+def test_a_cut_or_foreign_file_is_named(tmp_path, capsys, text, said):
+    (tmp_path / "tiny").mkdir()
+    (tmp_path / "tiny" / "sfnet.json").write_text(text)
+    assert main(["results", "table", "3", "--results", str(tmp_path)]) == 1
+    error = capsys.readouterr().err
+    assert "sfnet.json" in error and said in error and error.count("\n") == 1
+
+
+def test_what_is_missing_is_said(found, small_set, tmp_path, capsys):
+    with pytest.raises(ValueError, match="run 'unet' given; the runs are sfnet, sido"):
+        make("unet", small_set, found)
+    with pytest.raises(FileNotFoundError, match="search first: fpp results rates"):
+        make("sfnet", small_set, tmp_path)
+    with pytest.raises(ValueError, match="made with the preset tiny, and small is asked for"):
+        results.run("sfnet", "small", small_set, tmp_path, found)
+    half = json.loads((found / "tiny" / "rates.json").read_text())
+    half["runs"]["sido"].popitem()
+    assert main(["results", "run", "all", "typo", "--data", str(small_set)]) == 1
+    assert "run 'typo' given" in capsys.readouterr().err
+    (tmp_path / "rates.json").write_text(json.dumps(half))
+    with pytest.raises(ValueError, match="lacks rates of sido"):
+        rates.best_rate(tmp_path / "rates.json", "sido")
+    assert rates.best_rate(tmp_path / "rates.json", "sfnet") == 2e-3
+    half["data"] = "another"
+    (tmp_path / "rates.json").write_text(json.dumps(half))
+    with pytest.raises(ValueError, match="is a search with other data"):
+        rates.search(small_set, tmp_path / "rates.json")
+    with pytest.raises(ValueError, match="'sfnet-zmin' given; rates are searched for sfnet, sido"):
+        rates.search(small_set, tmp_path / "rates.json", ["sfnet-zmin"])
+    assert main(["results", "table", "3", "--results", str(tmp_path)]) == 1
+    assert "no run of table 3 is finished" in capsys.readouterr().err
+    assert main(["results", "table", "9", "--results", str(found)]) == 1
+    assert "table 9 given" in capsys.readouterr().err
+
+
+def test_the_search_goes_on_where_the_best_is_an_end(small_set, tmp_path, monkeypatch):
+    """Least at 1.6e-2 for one method, at 2e-3 for the others."""
+    path, seen = tmp_path / "tiny" / "rates.json", []
+    known = experiments.methods("tiny")
+    monkeypatch.setattr(rates, "methods", lambda preset: known)
+
+    def fit(method, data, settings, **how):
+        seen.append(settings.rate)
+        if method == known["sido"] and settings.rate > 0.02:
+            raise FloatingPointError("the loss is inf")
+        best = 1.6e-2 if method == known["sido"] else 2e-3
+        found = {f"validation_{k}": abs(math.log(settings.rate / best)) for k in rates.MEASURES}
+        return None, [{**found, "seconds": 1.0}]
+
+    monkeypatch.setattr(rates, "fit", fit)
+    found = rates.search(small_set, path)
+    assert rates.search(small_set, path, ["psnet"]) == {"psnet": 2e-3}
+    assert found == {"sfnet": 2e-3, "sido": 1.6e-2, "psnet": 2e-3, "dlalnet": 2e-3}
+    made = json.loads(path.read_text())["runs"]
+    assert list(made["sfnet"]) == ["0.001", "0.002", "0.004"]
+    assert made["sido"]["0.032"] == {"mae": None}
+    number = len(seen)
+    assert rates.search(small_set, path) == found and len(seen) == number
+    made["psnet"].popitem()
+    path.write_text(json.dumps({**json.loads(path.read_text()), "runs": made}))
+    assert rates.search(small_set, path) == found and len(seen) == number + 1
+
+
+def test_a_search_is_a_training_run(small_set, tmp_path, monkeypatch):
+    monkeypatch.setattr(rates, "_next_rate", lambda tried: None if tried else 1e-3)
+    rates.search(small_set, tmp_path / "rates.json")
+    found = json.loads((tmp_path / "rates.json").read_text())["runs"]["psnet"]["0.001"]
+    assert 0 < found["mae"] < found["rmse"] and 0 < found["order_errors"] <= 1
+
+
+def test_a_rate_that_diverges_is_not_the_best():
+    tried = {"0.001": {"mae": 1.0}, "0.002": {"mae": None}, "0.004": {"mae": None}}
+    assert rates._next_rate(tried) == 5e-4
+    assert rates._next_rate({**tried, "0.0005": {"mae": 2.0}}) is None
+
+
+def test_the_command_prints_what_the_files_hold(found, capsys):
+    assert main(["results", "table", "3", "--results", str(found)]) == 0
+    said = capsys.readouterr().out
+    mae = tables.table(3, results.read_results("tiny", found))[1].measures["mae_rad"][0]
+    assert f"{mae:.4g}" in said and "SIDO" in said and "0.3610" in said and "alone" in said
+    assert main(["results", "list", "--results", str(found)]) == 0
+    said = capsys.readouterr().out
+    assert said.count("to be made") == 35 - 4 and "hours of training in all" in said
+    assert main(["results", "list", "--preset", "paper", "--results", str(found)]) == 0
+    assert "hours of training in all" in capsys.readouterr().out
+
+
+def test_a_preset_of_one_seed_says_whose_seeds_it_borrows(found, tmp_path, capsys):
+    shutil.copytree(found / "tiny", tmp_path / "tiny")
+    (tmp_path / "small").mkdir()
+    shutil.copy(found / "tiny" / "sfnet.json", tmp_path / "small")
+    for preset, borrowed in (("tiny", False), ("small", True)):
+        assert main(["results", "table", "3", "--preset", preset, "--results", str(tmp_path)]) == 0
+        assert ("taken from tiny" in capsys.readouterr().out) == borrowed
+
+
+def test_runs_on_two_datasets_are_no_table(found, tmp_path):
+    (tmp_path / "tiny").mkdir()
+    for name, data in (("sfnet", "a"), ("sido", "b")):
+        run = json.loads((found / "tiny" / f"{name}.json").read_text())
+        (tmp_path / "tiny" / f"{name}.json").write_text(json.dumps(run | {"data": data}))
+    with pytest.raises(ValueError, match="2 datasets"):
+        results.read_results("tiny", tmp_path)

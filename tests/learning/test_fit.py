@@ -1,0 +1,534 @@
+"""Training: equal runs end alike, stopped ones go on as if they had not been, none is lost."""
+
+import contextlib
+import functools
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from multiprocessing import active_children
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from matplotlib.figure import Figure
+from safetensors.torch import load_file
+
+from fpputil.cli import main
+from fpputil.dataset.generate import generate
+from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.synthfringe import SynthFringe
+from fpputil.experiments.recipes import CAMERA
+from fpputil.learning.checkpoint import read_about
+from fpputil.learning.config import Settings
+from fpputil.learning.devices import World
+from fpputil.learning.fit import fit
+from fpputil.learning.log import read_history
+from fpputil.learning.trainer import Trainer
+from fpputil.learning.weights import load_weights
+from fpputil.networks.geometry import Rig
+from fpputil.networks.losses import Weights
+from fpputil.networks.methods import SFNetMethod
+
+METHOD = SFNetMethod(base=2, levels=2)
+SHORT = Settings(
+    epochs=2, batch=5, rate=3e-3, validate=2, precision="float32", augmentation=CAMERA
+)  # three batches an epoch, of 16 images one waits
+CHECKPOINT, WEIGHTS = "checkpoint.safetensors", "weights.safetensors"
+
+
+def no_picture(figure, file, **options):
+    file.write(b"no picture")
+
+
+@pytest.fixture(autouse=True)
+def small_and_quick(monkeypatch):
+    """One thread; no drawing, which takes longer than a small epoch; no process left behind."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    monkeypatch.setattr(Figure, "savefig", no_picture)
+    yield
+    torch.set_num_threads(before)
+    with contextlib.suppress(RuntimeError):  # torch watches its workers
+        for process in active_children():
+            process.kill()  # or the tests would never end
+            process.join()
+
+
+def same(a, b):
+    """Whether two networks, or two files of tensors, are equal bit by bit."""
+    a, b = (load_file(x) if isinstance(x, os.PathLike) else x.state_dict() for x in (a, b))
+    return a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
+
+
+def without_times(history):
+    return [{k: v for k, v in row.items() if "second" not in k} for row in history]
+
+
+@pytest.fixture(scope="module")
+def runs(small_set, tmp_path_factory):
+    """Runs that nothing disturbed: of a schedule its settings, folder, network and history."""
+
+    @functools.cache
+    def run(schedule):
+        torch.set_num_threads(1)
+        settings = replace(SHORT, schedule=schedule)
+        out = tmp_path_factory.mktemp(schedule) / "run"
+        return settings, out, *fit(METHOD, small_set, settings, out)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def whole(runs):
+    return runs("plateau")
+
+
+def test_a_network_learns(small_set):
+    method = SFNetMethod(base=4, levels=3, dropout=0.0, weights=Weights(order=False, mean=True))
+    trained, history = fit(method, small_set, replace(SHORT, epochs=5, batch=4, seed=2))
+    assert [row["epoch"] for row in history] == [1, 2, 3, 4, 5]
+    assert history[-1]["total"] < 0.65 * history[0]["total"]
+    assert history[-1]["validation_mae"] < 0.85 * history[0]["validation_mae"]
+    assert not trained.network.training
+
+
+@pytest.mark.parametrize("schedule", ["plateau", "one-cycle"])
+def test_equal_runs_are_equal_and_leave_the_generator_alone(runs, small_set, schedule):
+    settings, _, trained, history = runs(schedule)
+    torch.manual_seed(99)
+    before = torch.get_rng_state()
+    again, repeated = fit(METHOD, small_set, settings)
+    assert torch.equal(torch.get_rng_state(), before)
+    assert same(trained.network, again.network)
+    assert without_times(history) == without_times(repeated)
+    other, _ = fit(METHOD, small_set, replace(settings, seed=1, views=5))
+    assert not same(trained.network, other.network)
+
+
+def test_another_epoch_is_another_order_and_another_camera(small_set, monkeypatch):
+    losses, seen = SFNetMethod.losses, []
+
+    def watched(self, outputs, batch, rig):
+        seen.append(dict(zip(batch["index"].tolist(), batch["frames"], strict=True)))
+        return losses(self, outputs, batch, rig)
+
+    monkeypatch.setattr(SFNetMethod, "losses", watched)
+    for workers in (0, 1):
+        seen.clear()
+        fit(METHOD, small_set, replace(SHORT, views=6, batch=3, validate=1), workers=workers)
+        orders = [list(a) + list(b) for a, b in (seen[:2], seen[2:])]
+        assert sorted(orders[0]) == sorted(orders[1]) and orders[0] != orders[1]
+        first, second = seen[0] | seen[1], seen[2] | seen[3]
+        assert not any(torch.equal(first[k], second[k]) for k in first)
+
+
+def test_a_process_that_loads_changes_nothing(whole, small_set):
+    settings, _, trained, history = whole
+    again, repeated = fit(METHOD, small_set, settings, workers=1)
+    assert same(trained.network, again.network)
+    assert without_times(history) == without_times(repeated)
+
+
+def test_what_a_run_leaves_behind(small_set, tmp_path, monkeypatch):
+    """Four files, and no process for which the command would wait for ever."""
+    monkeypatch.undo()  # draw
+    out = tmp_path / "run"
+    trained, history = fit(METHOD, small_set, replace(QUICK, epochs=2), out, workers=1)
+    assert not active_children()
+    assert {f.name for f in out.iterdir()} == {CHECKPOINT, WEIGHTS, "log.csv", "curve.png"}
+    assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
+    assert read_history(out / "log.csv") == history
+    lines = (out / "log.csv").read_text().splitlines()
+    assert len(lines) == 3 and lines[0].split(",") == list(history[0])
+    last = load_file(out / CHECKPOINT)
+    for name, tensor in trained.network.state_dict().items():
+        assert torch.equal(tensor, last[f"network.{name}"])
+
+
+def test_a_stopped_run_leaves_no_process_behind(small_set, tmp_path, monkeypatch):
+    monkeypatch.undo()
+    interrupt(monkeypatch, 2)
+    with pytest.raises(KeyboardInterrupt):
+        fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path, workers=1)
+    assert not active_children()
+
+
+def test_rows_of_the_log(whole, small_set):
+    settings, _, trained, history = whole
+    weights = METHOD.weights
+    for k, row in enumerate(history, 1):
+        assert row["epoch"] == k and row["images"] == 15 * k
+        total = sum(getattr(weights, n) * row[n] for n in ("phase", "consistency", "geometric"))
+        assert row["total"] == pytest.approx(total, rel=1e-5)
+        assert row["images_a_second"] == pytest.approx(15 / row["seconds"], rel=1e-6)
+    data = SynthFringe(small_set, "validation", METHOD.photographs, extremes=(0, 244))
+    rig = Rig.of(data.store.system, data.pitches)
+    batch = {k: torch.stack([data[n][k] for n in range(len(data))]) for k in data[0]}
+    with torch.no_grad():
+        Phi = METHOD.absolute(trained.network(batch["frames"]), rig)
+    e = (Phi - batch["Phi"])[batch["mask"]].double().abs()
+    assert history[-1]["validation_mae"] == pytest.approx(e.mean().item(), rel=1e-4)
+    assert history[-1]["validation_rmse"] == pytest.approx(
+        e.square().mean().sqrt().item(), rel=1e-4
+    )
+    wrong = (e > math.pi).double().mean().item()
+    assert history[-1]["validation_order_errors"] == pytest.approx(wrong, rel=1e-4)
+
+
+def test_weights_say_what_they_were_trained_with(whole, small_set):
+    settings, out, _, history = whole
+    saved = load_weights(out / WEIGHTS)
+    best = min(history, key=lambda row: row["validation_mae"])["epoch"]
+    data = SynthFringe(small_set, "training")
+    assert saved.method == METHOD
+    assert saved.about["pitches"] == data.pitches and saved.about["camera"] == [120, 160]
+    assert saved.about["extremes"] == list(data.extremes)
+    assert saved.about["data"] == data.store.manifest["content"]
+    training = saved.about["training"]
+    assert training["settings"]["rate"] == settings.rate and training["precision"] == "float32"
+    assert training["epochs"] == best and training["images"] == 15 * best
+    assert training["validation_mae"] == history[best - 1]["validation_mae"]
+    assert training["hardware"]["threads"] == 1 and training["hardware"]["processes"] == 1
+
+
+def interrupt(monkeypatch, at, number=signal.SIGTERM):
+    """Send this process a signal in the middle of the batch `at`, counted from 1."""
+    losses, count = SFNetMethod.losses, iter(range(1, 10**9))
+
+    def stopped(self, *given):
+        if next(count) == at:
+            os.kill(os.getpid(), number)
+        return losses(self, *given)
+
+    monkeypatch.setattr(SFNetMethod, "losses", stopped)
+
+
+@pytest.mark.parametrize(
+    "schedule, at, number, workers",
+    [
+        ("plateau", 1, signal.SIGINT, 0),
+        ("one-cycle", 3, signal.SIGTERM, 0),  # the last of the first epoch
+        ("plateau", 5, signal.SIGINT, 1),
+        ("one-cycle", 5, signal.SIGTERM, 0),
+        ("one-cycle", 6, signal.SIGTERM, 0),  # the last of all
+    ],
+)
+def test_a_stopped_run_goes_on_as_if_it_had_not(
+    runs, small_set, tmp_path, monkeypatch, schedule, at, number, workers
+):
+    settings, out, trained, history = runs(schedule)
+    with monkeypatch.context() as patched:
+        interrupt(patched, at, number)
+        with pytest.raises(KeyboardInterrupt):
+            fit(METHOD, small_set, settings, tmp_path, workers=workers)
+    about = read_about(tmp_path / CHECKPOINT)
+    assert (len(about["history"]), about["step"]) == ((at - 1) // 3, (at - 1) % 3 + 1)
+    torch.manual_seed(at)
+    again, repeated = fit(METHOD, small_set, settings, tmp_path, resume=True)
+    assert same(again.network, trained.network)
+    assert same(tmp_path / CHECKPOINT, out / CHECKPOINT)
+    assert same(tmp_path / WEIGHTS, out / WEIGHTS)
+    assert without_times(repeated) == without_times(history)
+    assert without_times(read_history(tmp_path / "log.csv")) == without_times(history)
+
+
+def test_a_run_may_be_stopped_twice(whole, small_set, tmp_path, monkeypatch):
+    settings, out, *_ = whole
+    for resume, at in ((False, 2), (True, 3)):
+        with monkeypatch.context() as patched:
+            interrupt(patched, at)
+            with pytest.raises(KeyboardInterrupt):
+                fit(METHOD, small_set, settings, tmp_path, resume=resume)
+    fit(METHOD, small_set, settings, tmp_path, resume=True)
+    assert same(tmp_path / CHECKPOINT, out / CHECKPOINT)
+
+
+def test_a_finished_run_is_resumed_to_what_it_was(whole, small_set):
+    settings, out, trained, history = whole
+    before = (out / CHECKPOINT).read_bytes()
+    again, repeated = fit(METHOD, small_set, settings, out, resume=True)
+    assert repeated == history and same(again.network, trained.network)
+    assert (out / CHECKPOINT).read_bytes() == before
+
+
+OPTIONS = (
+    *("--epochs", "3", "--batch", "4", "--base", "2", "--levels", "2", "--validate", "2"),
+    *("--precision", "float32", "--threads", "1", "--workers", "0"),
+)
+
+
+@pytest.fixture(scope="module")
+def commanded(small_set, tmp_path_factory):
+    """Three epochs by the command, undisturbed."""
+    out = tmp_path_factory.mktemp("commanded") / "run"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Figure, "savefig", no_picture)
+        assert main(["train", "sfnet", "--data", str(small_set), "--out", str(out), *OPTIONS]) == 0
+    return out
+
+
+@contextlib.contextmanager
+def started(call, **options):
+    """A process of its own group, of which nothing is left behind."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", *call],
+        stderr=subprocess.PIPE, text=True, start_new_session=True, **options,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+@pytest.mark.parametrize("number, to_all", [(signal.SIGKILL, False), (signal.SIGTERM, True)])
+def test_a_command_that_was_killed_goes_on(commanded, small_set, tmp_path, number, to_all):
+    """kill -9 of the command, and SIGTERM to all its processes, as clusters and systemd send it."""
+    out = tmp_path / "run"
+    call = ["train", "sfnet", "--data", str(small_set), "--out", str(out), *OPTIONS]
+    with started(["fpputil.cli", *call, "--workers", "1"]) as process:
+        end = time.monotonic() + 100
+        while not (out / "log.csv").is_file():  # the last thing of an epoch
+            assert process.poll() is None and time.monotonic() < end, process.stderr.read()
+            time.sleep(0.01)
+        (os.killpg if to_all else os.kill)(process.pid, number)
+        said = process.communicate(timeout=90)[1]
+    assert process.returncode == (130 if number == signal.SIGTERM else -9), said
+    if number == signal.SIGTERM:
+        assert "stopped; the same command with --resume goes on from here" in said
+        assert "Traceback" not in said
+    assert len(read_about(out / CHECKPOINT)["history"]) in (1, 2)
+    assert main([*call, "--resume"]) == 0
+    assert same(out / CHECKPOINT, commanded / CHECKPOINT)
+    assert same(out / WEIGHTS, commanded / WEIGHTS)
+
+
+def measured_as(monkeypatch, maes):
+    """Let validation find these MAEs, epoch by epoch."""
+    values = iter(maes)
+
+    def validate(self, loader):
+        names = ("validation_mae", "validation_rmse", "validation_order_errors")
+        return dict.fromkeys(names, next(values))
+
+    monkeypatch.setattr(Trainer, "_validate", validate)
+
+
+QUICK = replace(SHORT, epochs=20, views=3, validate=1, batch=3)
+
+
+@pytest.mark.parametrize(
+    "patience, maes, epochs",
+    [(2, [5, 4, 4, 4, 3], 4), (3, [5, 6, 6, 4, 5, 6, 7, 0], 7), (0, [1] + [2] * 7, 8)],
+)
+def test_patience_ends(small_set, monkeypatch, patience, maes, epochs):
+    """After so many epochs without a better one; never at 0."""
+    measured_as(monkeypatch, maes)
+    settings = replace(QUICK, patience=patience, epochs=len(maes))
+    _, history = fit(METHOD, small_set, settings)
+    assert [row["validation_mae"] for row in history] == maes[:epochs]
+
+
+def test_patience_goes_on_after_a_stop(small_set, monkeypatch, tmp_path):
+    settings = replace(QUICK, patience=3)
+    measured_as(monkeypatch, [5, 6])
+    with monkeypatch.context() as patched:
+        interrupt(patched, 3)
+        with pytest.raises(KeyboardInterrupt):
+            fit(METHOD, small_set, settings, tmp_path)
+    measured_as(monkeypatch, [7, 8, 0])
+    _, history = fit(METHOD, small_set, settings, tmp_path, resume=True)
+    assert [row["validation_mae"] for row in history] == [5, 6, 7, 8]
+
+
+def test_a_plateau_halves_the_rate(small_set, monkeypatch):
+    """After so many epochs without a better one; a better one starts the count anew."""
+    measured_as(monkeypatch, [9, 9, 8, 8, 8, 8, 8, 7.9999, 8])
+    settings = replace(QUICK, wait=2, patience=0, rate=1e-3, epochs=9)
+    _, history = fit(METHOD, small_set, settings)
+    rates = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4, 2.5e-4]
+    assert [row["rate"] for row in history] == rates
+
+
+def test_one_cycle_rises_to_the_rate_and_falls_to_nothing(small_set):
+    settings = replace(QUICK, schedule="one-cycle", epochs=12, views=4, batch=2, rate=1e-2)
+    _, history = fit(METHOD, small_set, settings)
+    rates = [row["rate"] for row in history]
+    k = np.arange(2, 24, 2)  # two steps an epoch; 24 in all, the rise in the first 15 %
+    up, all_steps = 0.15 * 24 - 1, 23
+    t = np.where(k < up, k / up, (k - up) / (all_steps - up))
+    low, high = np.where(k < up, 1e-2 / 25, 1e-2), np.where(k < up, 1e-2, 1e-2 / 25e4)
+    expected = high + (low - high) * (1 + np.cos(np.pi * t)) / 2
+    np.testing.assert_allclose(rates[:-1], expected, rtol=1e-6)
+    assert rates[-1] < 1e-4
+
+
+def test_gradients_are_clipped_and_weights_decay(small_set):
+    """Gradients clipped to nothing leave the decay of AdamW alone: 1 - rate decay a step."""
+    settings = replace(QUICK, epochs=1, views=6, batch=3, rate=1e-2, decay=0.5, clip=1e-14)
+    trained, _ = fit(METHOD, small_set, settings)
+    with torch.random.fork_rng():
+        torch.manual_seed(settings.seed)
+        first = METHOD.network().state_dict()
+    for name, tensor in trained.network.state_dict().items():
+        expected = first[name] * (1 - 1e-2 * 0.5) ** 2
+        torch.testing.assert_close(tensor, expected, rtol=1e-5, atol=1e-6)
+
+
+def test_the_best_epoch_is_kept(small_set, monkeypatch, tmp_path):
+    measured_as(monkeypatch, [3, 1, 2])
+    fit(METHOD, small_set, replace(QUICK, epochs=3), tmp_path)
+    measured_as(monkeypatch, [3, 1])
+    best, _ = fit(METHOD, small_set, replace(QUICK, epochs=2))
+    kept = load_file(tmp_path / WEIGHTS)
+    for name, tensor in best.network.state_dict().items():
+        assert torch.equal(tensor.half(), kept[name])
+
+
+@pytest.mark.parametrize("at, epoch, batch", [(1, 1, 1), (5, 2, 2)])
+def test_a_loss_that_is_not_finite_ends_the_run(small_set, tmp_path, monkeypatch, at, epoch, batch):
+    losses, count = SFNetMethod.losses, iter(range(1, 99))
+
+    def spoilt(self, *given):
+        found = losses(self, *given)
+        return found | {"total": found["total"] * (math.nan if next(count) == at else 1)}
+
+    monkeypatch.setattr(SFNetMethod, "losses", spoilt)
+    with pytest.raises(FloatingPointError, match=f"nan in epoch {epoch}, batch {batch}"):
+        fit(METHOD, small_set, SHORT, tmp_path)
+    about = read_about(tmp_path / CHECKPOINT)
+    assert len(about["history"]) == epoch - 1 and about["step"] == 0
+    assert all(torch.isfinite(t).all() for t in load_file(tmp_path / CHECKPOINT).values())
+
+
+def test_a_network_that_answers_nan_is_not_kept(small_set, monkeypatch, tmp_path):
+    measured_as(monkeypatch, [3, math.nan])
+    with pytest.raises(FloatingPointError, match="answers with nan after epoch 2"):
+        fit(METHOD, small_set, replace(QUICK, epochs=3), tmp_path)
+    assert len(read_about(tmp_path / CHECKPOINT)["history"]) == 1
+
+
+def test_a_log_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp_path):
+    def full(out, history):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fpputil.learning.trainer.write_history", full)
+    with pytest.raises(OSError, match="No space left"):
+        fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path)
+    assert len(read_about(tmp_path / CHECKPOINT)["history"]) == 1
+
+
+def test_losses_of_several_processes_are_saved_as_their_mean(monkeypatch):
+    """Stopped and resumed, each process begins with what the first one saved."""
+    monkeypatch.setattr(World, "total", lambda self, *values: [self.size * v for v in values])
+    for size in (1, 2):
+        run = SimpleNamespace(sums={"total": 3.0, "phase": 1.0})
+        trainer = SimpleNamespace(run=run, where=World(0, size, torch.device("cpu")))
+        assert Trainer._shared_sums(trainer) == run.sums
+
+
+@pytest.mark.parametrize("left", ["weights.safetensors", "log.csv"])
+def test_what_a_run_left_is_not_overwritten(small_set, tmp_path, left):
+    (tmp_path / left).write_bytes(b"dear")
+    with pytest.raises(ValueError, match=f"{left} of a run without its checkpoint"):
+        fit(METHOD, small_set, SHORT, tmp_path)
+    assert (tmp_path / left).read_bytes() == b"dear"
+
+
+def test_a_file_is_no_folder_for_a_run(small_set, tmp_path):
+    (tmp_path / "run").write_text("")
+    with pytest.raises(ValueError, match="run is a file; a run needs a folder"):
+        fit(METHOD, small_set, SHORT, tmp_path / "run")
+
+
+def test_a_rate_far_too_high_ends_the_run(small_set):
+    with pytest.raises(FloatingPointError, match=r"epoch 1, batch [23]; a lower learning rate"):
+        fit(METHOD, small_set, replace(SHORT, rate=1e20))
+
+
+def test_bfloat16_trains_as_well(small_set):
+    settings = replace(SHORT, epochs=1, views=8, batch=4, precision="bfloat16")
+    trained, (row,) = fit(METHOD, small_set, settings)
+    _, (exact,) = fit(METHOD, small_set, replace(settings, precision="float32"))
+    assert row["total"] == pytest.approx(exact["total"], rel=0.1) and row["total"] != exact["total"]
+    assert {p.dtype for p in trained.network.parameters()} == {torch.float32}
+
+
+def test_a_run_is_not_overwritten(whole, small_set):
+    settings, out, *_ = whole
+    before = {f.name: f.read_bytes() for f in out.iterdir()}
+    with pytest.raises(ValueError, match=f"{out} holds a run already; resume it"):
+        fit(METHOD, small_set, settings, out)
+    assert {f.name: f.read_bytes() for f in out.iterdir()} == before
+
+
+def test_a_run_begins_with_a_network_that_is_given(whole, small_set, tmp_path):
+    settings, out, trained, _ = whole
+    first = replace(settings, epochs=1, rate=1e-12, decay=0.0)
+    begun, _ = fit(METHOD, small_set, first, tmp_path, start=trained)
+    for name, tensor in begun.network.state_dict().items():
+        torch.testing.assert_close(tensor, trained.network.state_dict()[name], rtol=0, atol=1e-9)
+    with pytest.raises(ValueError, match="start"):
+        fit(METHOD, small_set, first, tmp_path, resume=True)
+    with pytest.raises(ValueError, match="to begin with given"):
+        fit(replace(METHOD, base=3), small_set, first, start=trained)
+    other = replace(METHOD, weights=Weights(order=False))
+    fit(other, small_set, replace(first, views=5), start=trained)
+
+
+def test_a_part_of_the_views(small_set):
+    data = SynthFringe(small_set, "training")
+    for views, images in ((7, 6), (99, len(data) // 3 * 3)):
+        settings = replace(SHORT, epochs=1, views=views, batch=3)
+        _, (row,) = fit(METHOD, small_set, settings)
+        assert row["images"] == images
+
+
+CHANGES = [
+    ({"settings": {"rate": 0.007}}, "rate", "0.003", "0.007"),
+    ({"settings": {"epochs": 77}}, "epochs", "2", "77"),
+    ({"settings": {"augmentation": replace(CAMERA, noise=(0.0, 3.5))}}, "noise", "1.0", "3.5"),
+    ({"settings": {"precision": "bfloat16"}}, "precision", "float32", "bfloat16"),
+    ({"method": {"base": 3}}, "base", "2", "3"),
+    ({"method": {"weights": Weights(order=False)}}, "order", "True", "False"),
+]
+
+
+@pytest.mark.parametrize("changes, name, old, new", CHANGES)
+def test_a_run_is_resumed_with_its_own_settings_alone(whole, small_set, changes, name, old, new):
+    """The message names the setting, both values, and nothing that agrees."""
+    settings, out, *_ = whole
+    method = replace(METHOD, **changes.get("method", {}))
+    settings = replace(settings, **changes.get("settings", {}))
+    with pytest.raises(ValueError, match="a run is resumed with") as error:
+        fit(method, small_set, settings, out, resume=True)
+    said = str(error.value)
+    assert name in said and old in said and new in said
+    assert "clip" not in said and "dropout" not in said
+
+
+def test_a_run_is_resumed_with_its_own_data_alone(whole, tmp_path):
+    settings, out, *_ = whole
+    generate(tmp_path / "other", "tiny", *seeded_models(3, 0), views=2)
+    with pytest.raises(ValueError, match=r"the run in .* has data .*, and .* is asked for"):
+        fit(METHOD, tmp_path / "other", settings, out, resume=True)
+
+
+def test_nothing_to_resume(small_set, tmp_path):
+    with pytest.raises(FileNotFoundError, match="no run to resume"):
+        fit(METHOD, small_set, SHORT, tmp_path / "none", resume=True)
+    with pytest.raises(ValueError, match="resume without a folder"):
+        fit(METHOD, small_set, SHORT, resume=True)
+
+
+def test_a_checkpoint_that_is_cut_is_named(whole, small_set, tmp_path):
+    settings, out, *_ = whole
+    (tmp_path / CHECKPOINT).write_bytes((out / CHECKPOINT).read_bytes()[:-7])
+    with pytest.raises(ValueError, match=f"{tmp_path / CHECKPOINT} is cut"):
+        fit(METHOD, small_set, settings, tmp_path, resume=True)
