@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from benchmarks.timing import median_seconds
-from fpputil.capture.measurement import scan
+from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.cli import main
@@ -33,7 +33,7 @@ def bench_captures(repeats: int = 3) -> dict:
                 for _ in capture.batches(capture.of(k)):
                     pass
 
-        reading, decoding = median_seconds(read, lambda: scan(capture), repeats=repeats)
+        reading, decoding = median_seconds(read, lambda: measure(capture), repeats=repeats)
         start = time.perf_counter()
         main(["decode", str(folder), "--out", str(Path(name) / "out"), "--json"])
         command = time.perf_counter() - start

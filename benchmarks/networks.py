@@ -15,9 +15,9 @@ from fpputil.dataset.plan import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding.decoder import decode
 from fpputil.learning.devices import PRECISIONS, bfloat16_unit, forward
-from fpputil.learning.evaluation import measure
+from fpputil.learning.evaluation import predict_batch
 from fpputil.learning.weights import Trained
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.methods import SFNetMethod
 from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import fringe_set
@@ -29,7 +29,7 @@ CPU = torch.device("cpu")
 
 def training_seconds(data: SynthFringe, batch: dict, precisions, repeats: int) -> list[float]:
     """Median seconds of forward, losses, backward and update; the precisions take turns."""
-    method, rig = SFNetMethod(), Rig.of(data.store.system, data.pitches)
+    method, geometry = SFNetMethod(), Geometry.of(data.store.system, data.pitches)
     torch.manual_seed(0)
     network = method.network().to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(network.parameters(), 1e-4)
@@ -37,7 +37,7 @@ def training_seconds(data: SynthFringe, batch: dict, precisions, repeats: int) -
     def step(precision):
         outputs = forward(network, batch["frames"], precision)
         optimiser.zero_grad()
-        method.losses(outputs, batch, rig)["total"].mean().backward()
+        method.losses(outputs, batch, geometry)["total"].mean().backward()
         optimiser.step()
 
     return median_seconds(*(lambda p=p: step(p) for p in precisions), repeats=repeats)
@@ -62,14 +62,14 @@ def bench_training(repeats: int = 15) -> dict:
 def bench_measuring(base: int = 16, repeats: int = 7) -> dict:
     """Two photographs of 640 x 480 to an absolute phase, against forty-five."""
     p = preset("paper")
-    rig = Rig.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
+    geometry = Geometry.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
     method = SFNetMethod(base=base)
     network = method.network().to(memory_format=torch.channels_last).eval()
     trained = [Trained(method, lowered(network, dtype)) for dtype in PRECISIONS.values()]
     two = np.random.default_rng(0).random((1, 2, 480, 640), np.float32)
     many = np.random.default_rng(0).integers(0, 255, (45, 480, 640), np.uint8)
     fringes = fringe_set(p.descending)
-    ways = [lambda t=t: measure(t, two, rig) for t in trained]
+    ways = [lambda t=t: predict_batch(t, two, geometry) for t in trained]
     single, half, classical = median_seconds(
         *ways, lambda: decode(many, fringes, 912), repeats=repeats
     )

@@ -11,10 +11,10 @@ import torch
 
 from benchmarks.timing import median_seconds
 from fpputil.experiments.registry import methods
-from fpputil.learning.evaluation import measure
+from fpputil.learning.evaluation import predict_batch
 from fpputil.learning.weights import Trained
 from fpputil.networks.cost import cost
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.methods import METHODS
 from fpputil.optics.system import preset
 
@@ -22,12 +22,12 @@ from fpputil.optics.system import preset
 def prepared(name: str):
     """What measures one set of photographs by a method, its weights random."""
     p = preset("paper")
-    rig = Rig.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
+    geometry = Geometry.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
     method = methods("paper")[name]
     torch.manual_seed(0)
     trained = Trained(method, method.network().to(memory_format=torch.channels_last).eval())
     shots = np.random.default_rng(0).random((1, len(method.photographs), 480, 640), np.float32)
-    return trained, lambda: measure(trained, shots, rig)
+    return trained, lambda: predict_batch(trained, shots, geometry)
 
 
 def _peak() -> float:

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.board import Board
 from fpputil.calibration.calibrate import Pose, calibrate
-from fpputil.calibration.placement import Target, board_poses
+from fpputil.calibration.placement import PlacedBoard, place_boards
 from fpputil.calibration.sampling import light_at
-from fpputil.calibration.stereo import Sighting, fit_bundle
+from fpputil.calibration.stereo import BoardView, calibrate_pair
 from fpputil.decoding.decoder import decode
 from fpputil.decoding.triangulation import column
 from fpputil.optics.fringes import fringe_set
@@ -36,7 +36,7 @@ def small():
 
 @pytest.fixture(scope="module")
 def poses(small, photograph):
-    drawn = board_poses(9, 1, small, BOARD.size)
+    drawn = place_boards(9, 1, small, BOARD.size)
     return [photograph(BOARD, small, *pose, f"shot {k}") for k, pose in enumerate(drawn)]
 
 
@@ -46,8 +46,8 @@ def sightings(paper):
     system, board = bent(paper.system), Board(11, 8, 25.0)
     centred = board.points - board.points.mean(axis=0)
     return [
-        Sighting(board.points, *(p.project(centred @ R.T + t) for p in pinholes(system)))
-        for R, t in board_poses(12, 0, paper.system, board.size)
+        BoardView(board.points, *(p.project(centred @ R.T + t) for p in pinholes(system)))
+        for R, t in place_boards(12, 0, paper.system, board.size)
     ]
 
 
@@ -66,7 +66,7 @@ def truth(system):
 
 def test_exact_points_give_the_exact_system(paper, sightings):
     system = bent(paper.system)
-    fit = fit_bundle(sightings, (640, 480), PROJECTOR)
+    fit = calibrate_pair(sightings, (640, 480), PROJECTOR)
     np.testing.assert_allclose(fit.lenses, truth(system), rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(fit.R, system.projector.R, atol=1e-8)
     np.testing.assert_allclose(fit.t, system.projector.t, atol=1e-5)
@@ -78,14 +78,14 @@ def test_standard_deviations_are_honest(paper, sightings):
     system, rng, ratios = bent(paper.system), np.random.default_rng(0), []
     for _ in range(6):
         noisy = [
-            Sighting(
+            BoardView(
                 s.points,
                 s.camera + rng.normal(0, 0.05, s.camera.shape),
                 s.projector + rng.normal(0, 0.1, s.projector.shape),
             )
             for s in sightings
         ]
-        fit = fit_bundle(noisy, (640, 480), PROJECTOR)
+        fit = calibrate_pair(noisy, (640, 480), PROJECTOR)
         off = np.delete(fit.lenses - truth(system), 8, axis=1).ravel()
         sigma = [s for name, s in fit.sigma.items() if name != "baseline" and "k3" not in name]
         span = np.linalg.norm(fit.t) - np.linalg.norm(system.projector.t)
@@ -112,8 +112,8 @@ def test_a_rendered_calibration_reaches_its_figures(small):
     system, board = bent(small), Board(8, 5, 33.0, "charuco")
     sets = [fringe_set((w, w / 8, w / 48), 4, axis=a) for w, a in ((912, "column"), (1140, "row"))]
     picture, shots = board.picture(40), []
-    for k, (R, t) in enumerate(board_poses(5, 3, small, board.size)):
-        target = Target(picture, picture.shape[1] * board.square / 40, R, t)
+    for k, (R, t) in enumerate(place_boards(5, 3, small, board.size)):
+        target = PlacedBoard(picture, picture.shape[1] * board.square / 40, R, t)
         view = raycast(target.mesh, system, albedo=target.albedo, supersample=2)
         frames = [view.frames(f, noise=2, seed=2 * k + n) for n, f in enumerate(sets)]
         maps = [
@@ -159,7 +159,7 @@ def test_wrong_pixels_in_the_maps_do_not_matter(poses):
 
 
 def test_almost_parallel_boards_are_warned_of(small, photograph):
-    drawn = board_poses(8, 0, small, BOARD.size, tilt=(2, 4))
+    drawn = place_boards(8, 0, small, BOARD.size, tilt=(2, 4))
     found = calibrated([photograph(BOARD, small, *pose) for pose in drawn])
     assert any("normals vary by" in w for w in found.warnings)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fpputil.calibration.placement import Target, board_poses
+from fpputil.calibration.placement import PlacedBoard, place_boards
 from fpputil.optics.raycast import raycast
 
 PICTURE = np.zeros((30, 40), np.uint8)
@@ -14,7 +14,7 @@ FACING = np.eye(3), np.array([0.0, 0.0, 650.0])
 
 def test_the_frame_lies_in_the_middle():
     R = Rotation.from_euler("xyz", (20, -30, 10), degrees=True).as_matrix()
-    target = Target(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]))
+    target = PlacedBoard(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]))
     assert target.size == (200.0, 150.0)
     local = (target.mesh.vertices - target.t) @ R
     corners = [(-100, -75, 0), (100, -75, 0), (100, 75, 0), (-100, 75, 0)]
@@ -24,7 +24,7 @@ def test_the_frame_lies_in_the_middle():
 
 def test_albedo_at_the_middles_of_the_pixels_is_the_picture():
     R = Rotation.from_euler("xyz", (20, -30, 10), degrees=True).as_matrix()
-    target = Target(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]), dark=0.1, bright=0.8)
+    target = PlacedBoard(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]), dark=0.1, bright=0.8)
     x, y = np.meshgrid((np.arange(40) - 19.5) * 5, (np.arange(30) - 14.5) * 5)
     points = np.stack([x, y, 0 * x], -1).reshape(-1, 3) @ R.T + target.t
     expected = np.where(PICTURE.ravel() == 255, 0.8, 0.1)
@@ -32,7 +32,7 @@ def test_albedo_at_the_middles_of_the_pixels_is_the_picture():
 
 
 def test_a_photograph_shows_the_picture_upright(tiny):
-    target = Target(PICTURE, 240.0, *FACING)
+    target = PlacedBoard(PICTURE, 240.0, *FACING)
     photo = raycast(target.mesh, tiny.system, albedo=target.albedo, supersample=2).plain()
     quarters = [photo[30:55, 40:75], photo[30:55, 90:120], photo[75:100, 40:75]]
     bright, *dark = (q.mean() for q in quarters)
@@ -41,7 +41,7 @@ def test_a_photograph_shows_the_picture_upright(tiny):
 
 @pytest.fixture(scope="module")
 def drawn(tiny):
-    return board_poses(12, 0, tiny.system, (300, 225))
+    return place_boards(12, 0, tiny.system, (300, 225))
 
 
 def test_drawn_boards_are_seen_whole(tiny, drawn):
@@ -70,7 +70,7 @@ def test_drawn_boards_fill_the_picture(tiny, drawn):
 
 
 def test_a_seed_repeats_its_poses(tiny, drawn):
-    again = board_poses(12, 0, tiny.system, (300, 225))
+    again = place_boards(12, 0, tiny.system, (300, 225))
     for (R, t), (Q, s) in zip(drawn, again, strict=True):
         assert np.array_equal(R, Q) and np.array_equal(t, s)
 
@@ -91,7 +91,7 @@ def test_a_seed_repeats_its_poses(tiny, drawn):
 def test_bad_targets_are_refused(change, message):
     good = {"picture": PICTURE, "width": 200.0, "R": FACING[0], "t": FACING[1]}
     with pytest.raises(ValueError, match=message):
-        Target(**good | change)
+        PlacedBoard(**good | change)
 
 
 @pytest.mark.parametrize(
@@ -107,4 +107,4 @@ def test_bad_targets_are_refused(change, message):
 def test_bad_wishes_are_refused(tiny, change, message):
     wish = {"number": 1, "seed": 0, "system": tiny.system, "size": (300, 225)}
     with pytest.raises(ValueError, match=message):
-        board_poses(**wish | change)
+        place_boards(**wish | change)

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import doubts
-from fpputil.capture.gamma import estimate_power, linear
-from fpputil.capture.measurement import scan
+from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.gamma import estimate_gamma, linearise
+from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.cli import main
@@ -49,7 +49,7 @@ def wrapped(frames):
 @pytest.mark.parametrize("scene", SCENES)
 def test_three_pitches_agree_on_the_column(scene):
     capture = open_capture(CAPTURES / scene, PATTERNS)
-    found = scan(capture)
+    found = measure(capture)
     Phis = unwrap.mw_tpu(list(found.wrapped), PITCHES, WIDTH)
     columns = [P * p / (2 * np.pi) for P, p in zip(Phis, PITCHES, strict=True)]
     spread = np.ptp(columns, axis=0)
@@ -57,14 +57,14 @@ def test_three_pitches_agree_on_the_column(scene):
     assert (spread[strong] < 1).mean() >= 0.997  # by a plain mask
     assert (spread[found.mask] < 1).mean() >= 0.999
     assert found.mask[strong].mean() >= 0.98
-    assert not any(d.severe for d in doubts(found, capture))
+    assert not any(d.severe for d in diagnose(found, capture))
 
 
 @pytest.mark.parametrize("scene, other", [SCENES, SCENES[::-1]])
 def test_three_steps_gain_by_the_response_of_the_other_scene(scene, other):
     frames, told = frames_of(scene), frames_of(other)
     lit = (wrapped(told)[1] > 10) & (told.max(axis=0) < 255)
-    power = estimate_power(told[:, lit])
+    power = estimate_gamma(told[:, lit])
     twelve, modulation = wrapped(frames)
 
     def error(few):
@@ -72,7 +72,7 @@ def test_three_steps_gain_by_the_response_of_the_other_scene(scene, other):
         return np.sqrt(np.mean(off**2))
 
     assert error(frames[[0, 4, 8]]) > 0.1
-    assert error(linear(frames, power)[[0, 4, 8]]) <= 0.04
+    assert error(linearise(frames, power)[[0, 4, 8]]) <= 0.04
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -93,4 +93,4 @@ def test_swapped_pitches_of_a_real_scene_are_noticed(scene):
     swapped = replace(PATTERNS, fringes=fringe_set((13, 15, 17.5), 12))
     capture = open_capture(CAPTURES / scene, PATTERNS)
     capture = replace(capture, patterns=replace(swapped, files=PATTERNS.files))
-    assert any(d.severe for d in doubts(scan(capture), capture))
+    assert any(d.severe for d in diagnose(measure(capture), capture))

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import doubts
-from fpputil.capture.measurement import scan
+from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.steps import exchanged, misfits
-from fpputil.capture.virtual import photographs
+from fpputil.capture.virtual import photograph
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.parts import part
@@ -36,7 +36,7 @@ def told(tmp_path, view):
         patterns=EIGHT, change=lambda frames: frames, shown=None, response=1.0, power=None, **camera
     ):
         camera = {"noise": 1.0, **camera}
-        shots = photographs(view, shown or patterns, SYSTEM, 0, response, **camera)
+        shots = photograph(view, shown or patterns, SYSTEM, 0, response, **camera)
         frames = {shot.file: frame for shot, frame in shots}
         names = [shot.file for shot in patterns.shots()]
         frames = change(dict(zip(names, frames.values(), strict=True)))
@@ -44,7 +44,7 @@ def told(tmp_path, view):
             cv2.imwrite(str(tmp_path / name), frame)
         capture = open_capture(tmp_path, patterns)
         system = SYSTEM if patterns.unwrap == "minimum" else None
-        found = doubts(scan(capture, patterns.axes[0], system=system, power=power), capture)
+        found = diagnose(measure(capture, patterns.axes[0], system=system, power=power), capture)
         assert all(d.found and d.remedy for d in found)
         return {d.code: d.severe for d in found}
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fpputil.capture.gamma import estimate_power, harmonic, linear
+from fpputil.capture.gamma import estimate_gamma, harmonic_ratio, linearise
 from fpputil.decoding import phase
 
 
@@ -19,43 +19,43 @@ def photographs(steps, power, pixels=2000, noise=0.0, seed=0):
 @pytest.mark.parametrize("steps", [5, 8, 12])
 def test_the_power_is_found_and_takes_the_harmonics_away(power, steps):
     frames, _ = photographs(steps, power)
-    found = estimate_power(frames)
+    found = estimate_gamma(frames)
     assert found == pytest.approx(power, rel=0.02 if steps > 5 else 0.15)
-    assert abs(harmonic(linear(frames, found), 2)) < 1e-4
+    assert abs(harmonic_ratio(linearise(frames, found), 2)) < 1e-4
 
 
 def test_three_steps_gain_by_the_power_that_twelve_found():
     many, _ = photographs(12, 0.45, noise=0.1)
     few, phi = photographs(3, 0.45, noise=0.1, seed=1)
-    power = estimate_power(np.clip(many, 0, 255))
+    power = estimate_gamma(np.clip(many, 0, 255))
 
     def error(frames):
         found = phase.wrapped_phase(*phase.numerator_denominator(frames.astype(np.float64)))
         return np.sqrt(np.mean(np.angle(np.exp(1j * (found - phi))) ** 2))
 
     clipped = np.clip(few, 0, 255)
-    best = error(linear(clipped, 0.45))  # with the power that is true
-    assert error(linear(clipped, power)) < 1.05 * best < 0.2 * error(clipped)
+    best = error(linearise(clipped, 0.45))  # with the power that is true
+    assert error(linearise(clipped, power)) < 1.05 * best < 0.2 * error(clipped)
 
 
 def test_linear_is_one_curve_for_all_depths():
     grey = np.array([0, 51, 255], np.uint8)
     expected = 255 * np.array([0, 0.2, 1]) ** 0.5
-    np.testing.assert_allclose(linear(grey, 0.5), expected, rtol=1e-6)
+    np.testing.assert_allclose(linearise(grey, 0.5), expected, rtol=1e-6)
     np.testing.assert_allclose(
-        linear(grey.astype(np.uint16) * 257, 0.5, 65535), expected, rtol=1e-6
+        linearise(grey.astype(np.uint16) * 257, 0.5, 65535), expected, rtol=1e-6
     )
-    np.testing.assert_allclose(linear(grey / 255.0, 0.5, 1.0), expected, rtol=1e-6)
+    np.testing.assert_allclose(linearise(grey / 255.0, 0.5, 1.0), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
     "call, said",
     [
-        (lambda: estimate_power(np.zeros((4, 10))), "5 steps or more"),
-        (lambda: estimate_power(np.zeros((8, 0))), "at least one pixel"),
-        (lambda: estimate_power(np.full((8, 10), 7.0)), "no power takes it away"),
-        (lambda: linear(np.zeros(3), 0), "power 0 given"),
-        (lambda: harmonic(np.zeros((8, 3)), 4), "harmonic 4 of 8 steps"),
+        (lambda: estimate_gamma(np.zeros((4, 10))), "5 steps or more"),
+        (lambda: estimate_gamma(np.zeros((8, 0))), "at least one pixel"),
+        (lambda: estimate_gamma(np.full((8, 10), 7.0)), "no power takes it away"),
+        (lambda: linearise(np.zeros(3), 0), "power 0 given"),
+        (lambda: harmonic_ratio(np.zeros((8, 3)), 4), "harmonic 4 of 8 steps"),
     ],
 )
 def test_what_cannot_be_estimated_is_named(call, said):

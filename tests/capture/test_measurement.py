@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from fpputil.capture.marking import Reason
-from fpputil.capture.measurement import scan
+from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.quality import Noise, noise_of, order_step
-from fpputil.capture.virtual import photographs
+from fpputil.capture.virtual import photograph
 from fpputil.decoding.decoder import decode
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
@@ -34,7 +34,7 @@ def view():
 
 def written(folder, view, patterns, kind=".png", **camera):
     camera = {"noise": 1.0, **camera}
-    for shot, frame in photographs(view, patterns, SYSTEM, 0, **camera):
+    for shot, frame in photograph(view, patterns, SYSTEM, 0, **camera):
         cv2.imwrite(str(folder / shot.file), frame)
     return open_capture(folder, patterns)
 
@@ -44,7 +44,7 @@ def test_every_unwrapping_finds_the_columns(tmp_path, view, name):
     patterns = SETS[name]
     axis = patterns.axes[0]
     system = SYSTEM if name == "minimum" else None
-    found = scan(written(tmp_path, view, patterns, noise=0.5), axis, system=system)
+    found = measure(written(tmp_path, view, patterns, noise=0.5), axis, system=system)
     truth = view.column if axis == "column" else view.row
     off = (found.coordinate - truth)[found.mask]
     assert found.mask.sum() > 0.9 * view.mask.sum()
@@ -56,8 +56,8 @@ def test_every_unwrapping_finds_the_columns(tmp_path, view, name):
 
 def test_it_is_what_the_decoder_of_all_frames_finds(tmp_path, view):
     patterns = SETS["mf"]
-    found = scan(written(tmp_path, view, patterns))
-    frames = [f for _, f in photographs(view, patterns, SYSTEM, 0, noise=1.0)]
+    found = measure(written(tmp_path, view, patterns))
+    frames = [f for _, f in photograph(view, patterns, SYSTEM, 0, noise=1.0)]
     whole = decode(np.stack(frames), patterns.fringes, 912)
     np.testing.assert_allclose(found.Phi[found.mask], whole.Phi[found.mask], atol=1e-3)
     np.testing.assert_allclose(found.modulation, whole.modulation, atol=1e-3)
@@ -65,12 +65,12 @@ def test_it_is_what_the_decoder_of_all_frames_finds(tmp_path, view):
 
 def test_sixteen_bit_is_the_same_scene(tmp_path, view):
     patterns = SETS["mf"]
-    eight = scan(written(tmp_path, view, patterns))
+    eight = measure(written(tmp_path, view, patterns))
     for shot in patterns.shots():
         frame = cv2.imread(str(tmp_path / shot.file), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(tmp_path / shot.file), frame.astype(np.uint16) * 16)
     capture = open_capture(tmp_path, patterns, full=4080)
-    np.testing.assert_allclose(scan(capture).Phi, eight.Phi, atol=1e-3)
+    np.testing.assert_allclose(measure(capture).Phi, eight.Phi, atol=1e-3)
 
 
 @pytest.mark.parametrize("steps, noise", [(3, 2.0), (4, 3.0), (8, 2.0), (15, 4.0)])
@@ -78,10 +78,12 @@ def test_the_predicted_uncertainty_is_that_of_many_trials(tmp_path, view, steps,
     patterns = Patterns(PROJECTOR, fringe_set((912, 114, 24), steps), files="{pitch}-{step}.npy")
     trials = []
     for seed in range(80):
-        shots = photographs(view, patterns, SYSTEM, seed, noise=noise, ambient=20, quantise=False)
+        shots = photograph(view, patterns, SYSTEM, seed, noise=noise, ambient=20, quantise=False)
         for shot, frame in shots:
             np.save(tmp_path / shot.file, frame.astype(np.float32))
-        trials.append(scan(open_capture(tmp_path, patterns), noise=noise if steps == 3 else None))
+        trials.append(
+            measure(open_capture(tmp_path, patterns), noise=noise if steps == 3 else None)
+        )
     Phi = np.stack([t.Phi for t in trials])
     sigma = np.stack([t.sigma for t in trials])
     use = np.isfinite(Phi).all(axis=0) & (trials[0].modulation[-1] > 20)
@@ -97,13 +99,13 @@ def test_the_predicted_uncertainty_is_that_of_many_trials(tmp_path, view, steps,
 
 
 def test_reasons_tell_dark_saturated_unsure_and_outside(tmp_path, view):
-    bright = scan(written(tmp_path, view, SETS["mf"], gain=1.6))
-    shots = photographs(view, SETS["mf"], SYSTEM, 0, noise=1.0, gain=1.6)
+    bright = measure(written(tmp_path, view, SETS["mf"], gain=1.6))
+    shots = photograph(view, SETS["mf"], SYSTEM, 0, noise=1.0, gain=1.6)
     clipped = (np.stack([frame for _, frame in shots]) == 255).any(axis=0)
     assert clipped[bright.reason == Reason.SATURATED].all()
     assert (bright.reason[~view.mask] == Reason.DARK).mean() > 0.99
     few = Patterns(PROJECTOR, fringe_set((912, 24), 3))
-    noisy = scan(written(tmp_path, view, few, noise=8.0), noise=8.0)
+    noisy = measure(written(tmp_path, view, few, noise=8.0), noise=8.0)
     wrong = np.abs(noisy.coordinate - view.column) > 12
     assert (noisy.reason == Reason.UNSURE).sum() > 100
     assert not wrong[noisy.mask].any()
@@ -124,11 +126,11 @@ def test_the_noise_is_found_as_a_line_over_the_grey_level():
 
 
 def test_a_power_is_estimated_or_taken(tmp_path, view):
-    assert scan(written(tmp_path, view, SETS["mf"])).power == 1
+    assert measure(written(tmp_path, view, SETS["mf"])).power == 1
     some = Patterns(PROJECTOR, fringe_set((912, 114, 24), (8, 8, 3)))
     capture = written(tmp_path, view, some, gamma=0.6)
-    assert scan(capture).power == pytest.approx(1 / 0.6, rel=0.05)
-    given = scan(capture, power=1 / 0.6)
+    assert measure(capture).power == pytest.approx(1 / 0.6, rel=0.05)
+    given = measure(capture, power=1 / 0.6)
     off = np.abs(given.coordinate - view.column)[given.mask]
     assert np.median(off) < 0.05
 
@@ -151,5 +153,5 @@ def test_order_steps_are_how_far_columns_part():
 def test_what_cannot_be_decoded_is_named(tmp_path, view, patterns, how, said):
     capture = written(tmp_path, view, patterns)
     with pytest.raises(ValueError) as error:
-        scan(capture, **how)
+        measure(capture, **how)
     assert said in str(error.value)

@@ -218,9 +218,9 @@ def test_memory_does_not_grow_with_the_photographs(tmp_path):
     patterns.save(tmp_path / "patterns.toml")
     code = (
         "import resource, sys\nfrom fpputil.capture.photographs import open_capture\n"
-        "from fpputil.capture.measurement import scan\n"
+        "from fpputil.capture.measurement import measure\n"
         "base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-        "scan(open_capture(sys.argv[1], full=255), power=1.0)\n"
+        "measure(open_capture(sys.argv[1], full=255), power=1.0)\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - base)"
     )
     run = [sys.executable, "-c", code, str(tmp_path)]

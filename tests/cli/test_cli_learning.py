@@ -16,11 +16,11 @@ from fpputil.dataset.generate import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.learning import evaluation
 from fpputil.learning.checkpoint import read_about
-from fpputil.learning.log import read_history
-from fpputil.learning.weights import load_weights
+from fpputil.learning.log import read_log
+from fpputil.learning.weights import load_weights, read_metrics
 
 SMALL = (
-    *("--epochs", "1", "--batch", "4", "--base", "2", "--levels", "2", "--validate", "2"),
+    *("--epochs", "1", "--batch", "4", "--base", "2", "--levels", "2", "--validation-views", "2"),
     *("--precision", "float32", "--threads", "1", "--workers", "0"),
 )
 
@@ -71,16 +71,36 @@ def test_train_says_how_it_went(data, tmp_path, capsys):
     said = capsys.readouterr()
     assert said.out.startswith("2 epochs, ") and said.out.count("\n") == 1
     assert "image/s" in said.err and "validation MAE" in said.err
-    best = min(read_history(tmp_path / "run/log.csv"), key=lambda row: row["validation_mae"])
+    best = min(read_log(tmp_path / "run/log.csv"), key=lambda row: row["validation_mae"])
     assert f"best validation MAE {best['validation_mae']:.4f} rad" in said.out
     assert f"after epoch {best['epoch']:.0f}, in {tmp_path / 'run/weights.safetensors'}" in said.out
 
 
 def test_every_option_of_train_arrives(data, tmp_path):
     given = (
-        *("--rate", "0.002", "--schedule", "plateau", "--decay", "0.5", "--clip", "2"),
-        *("--wait", "3", "--patience", "7", "--views", "3", "--batch", "3", "--seed", "11"),
-        *("--frames", "2", "--second", "mid", "--gain", "0.5", "2", "--gamma", "0.9", "1.1"),
+        *(
+            "--learning-rate",
+            "0.002",
+            "--schedule",
+            "plateau",
+            "--weight-decay",
+            "0.5",
+            "--max-grad-norm",
+            "2",
+        ),
+        *(
+            "--plateau-patience",
+            "3",
+            "--early-stopping",
+            "7",
+            "--training-views",
+            "3",
+            "--batch",
+            "3",
+            "--seed",
+            "11",
+        ),
+        *("--frames", "2", "--reference", "mid", "--gain", "0.5", "2", "--gamma", "0.9", "1.1"),
         *("--dropout", "0.25", "--mixing", "none", "--target", "phase", "--phase", "2"),
         *("--consistency", "0.5", "--geometric", "0.25", "--modulo", "--mean", "--l1"),
     )
@@ -88,17 +108,17 @@ def test_every_option_of_train_arrives(data, tmp_path):
     about = read_about(tmp_path / "run/checkpoint.safetensors")
     settings, method = about["settings"], about["method"]
     wanted = {
-        "rate": 0.002,
+        "learning_rate": 0.002,
         "schedule": "plateau",
-        "decay": 0.5,
-        "clip": 2,
-        "patience": 7,
-        "wait": 3,
+        "weight_decay": 0.5,
+        "max_grad_norm": 2,
+        "early_stopping": 7,
+        "plateau_patience": 3,
     }
-    wanted |= {"views": 3, "batch": 3, "seed": 11, "epochs": 1, "validate": 2}
+    wanted |= {"training_views": 3, "batch": 3, "seed": 11, "epochs": 1, "validation_views": 2}
     assert {k: settings[k] for k in wanted} == wanted
     wanted = {"frames": 2, "dropout": 0.25, "mixing": "none", "target": "phase", "base": 2}
-    wanted |= {"second": "mid"}
+    wanted |= {"reference": "mid"}
     assert {k: method[k] for k in wanted} == wanted and method["levels"] == 2
     weights = {"phase": 2, "consistency": 0.5, "geometric": 0.25}
     weights |= {"order": False, "mean": True, "l1": True}
@@ -108,7 +128,7 @@ def test_every_option_of_train_arrives(data, tmp_path):
 
 
 def test_a_run_begins_with_weights(data, weights, tmp_path):
-    assert train(data, tmp_path / "run", "--start", str(weights), "--rate", "1e-12") == 0
+    assert train(data, tmp_path / "run", "--start", str(weights), "--learning-rate", "1e-12") == 0
     first, second = (load_file(f) for f in (weights, tmp_path / "run/weights.safetensors"))
     for name in first:
         torch.testing.assert_close(first[name], second[name], rtol=0, atol=1e-3)
@@ -120,9 +140,9 @@ def test_resume_needs_a_run_and_a_run_needs_resume(data, weights, tmp_path, caps
     run = shutil.copytree(weights.parent, tmp_path / "run")
     assert train(data, run) == 1
     assert f"{run} holds a run already; resume it" in one_line(capsys)
-    assert train(data, run, "--resume", "--rate", "0.5") == 1
+    assert train(data, run, "--resume", "--learning-rate", "0.5") == 1
     error = one_line(capsys)
-    assert "rate" in error and "0.5" in error
+    assert "learning_rate" in error and "0.5" in error
     assert train(data, run, "--resume") == 0
     assert "1 epochs" in capsys.readouterr().out
 
@@ -134,7 +154,7 @@ def test_resume_needs_a_run_and_a_run_needs_resume(data, weights, tmp_path, caps
         (["--preset", "huge"], "preset 'huge' given; the presets are tiny, small, paper"),
         (["--epochs", "0"], "epochs 0 given"),
         (["--batch", "-1"], "batch -1 given"),
-        (["--rate", "nan"], "rate nan given"),
+        (["--learning-rate", "nan"], "learning_rate nan given"),
         (["--schedule", "cosine"], "schedule 'cosine' given"),
         (["--precision", "half"], "precision 'half' given"),
         (["--mixing", "some"], "mixing 'some' given"),
@@ -147,7 +167,7 @@ def test_resume_needs_a_run_and_a_run_needs_resume(data, weights, tmp_path, caps
         (["--threads", "0"], "threads 0 given"),
         (["--device", "abacus"], "abacus"),
         (["--start", "none.safetensors"], "none.safetensors given; there is no such file"),
-        (["--rate", "1e20", "--epochs", "2"], "a lower learning rate may help"),
+        (["--learning-rate", "1e20", "--epochs", "2"], "a lower learning rate may help"),
     ],
 )
 def test_wrong_options_of_train_are_one_line(data, tmp_path, capsys, options, said):
@@ -244,14 +264,13 @@ def test_evaluate_keeps_the_numbers(data, weights, tmp_path, capsys):
     mine = run / "weights.safetensors"
     before = load_file(mine)
     for split in ("test", "held-out"):
-        assert evaluate(mine, data, "--split", split, "--record") == 0
+        assert evaluate(mine, data, "--split", split, "--json") == 0
     shown = numbers(capsys.readouterr().out.split("held-out: ")[1].splitlines()[2])
-    metrics = load_weights(mine).about["metrics"]
+    metrics = read_metrics(mine)
     assert set(metrics) == {"test", "held-out"}
     found = metrics["held-out"]
     assert found["two photographs"]["mae_rad"] == pytest.approx(shown[:3], abs=6e-5)
     assert found["views"] == 1 and found["camera"] == {"gain": 1.0, "noise": 0.0, "gamma": 1.0}
-    assert json.loads(mine.with_suffix(".json").read_text())["metrics"] == metrics
     after = load_file(mine)
     assert all(torch.equal(before[k], after[k]) for k in before)
 
@@ -284,8 +303,8 @@ def test_wrong_options_of_evaluate_are_one_line(data, weights, capsys, options, 
 def rewritten(weights, path, **changes):
     """The weights as if they had been trained for something else."""
     with safetensors.safe_open(weights, "pt") as file:
-        about = json.loads(file.metadata()["about"])
-    save_file(load_file(weights), path, {"about": json.dumps({**about, **changes})})
+        about = json.loads(file.metadata()["metadata"])
+    save_file(load_file(weights), path, {"metadata": json.dumps({**about, **changes})})
     return path
 
 
@@ -328,7 +347,7 @@ def test_help_is_enough_to_begin(capsys):
                    "--mixing", "torchrun"):  # fmt: skip
         assert option in text
     text = said("evaluate")
-    for option in ("--data", "--split", "--views", "--save", "--record", "--noise"):
+    for option in ("--data", "--split", "--views", "--save", "--json", "--noise"):
         assert option in text
 
 
@@ -357,7 +376,7 @@ def test_rivals_are_trained_and_measured_alike(data, tmp_path, capsys, name):
         ("sido", ["--mixing", "none"], "mixing given for sido; its settings are base, dropout"),
         ("psnet", ["--geometric", "0.1"], "weights of losses given for psnet"),
         ("dlalnet", ["--no-plane"], "plane given for dlalnet"),
-        ("sfnet", ["--second", "first"], "second 'first' given"),
+        ("sfnet", ["--reference", "first"], "reference 'first' given"),
         ("sfnet", ["--noise", "2", "1"], "noise from 2.0 to 1.0 given"),
     ],
 )

@@ -156,7 +156,7 @@ def test_colour_photographs_become_grey(exported, tmp_path):
 
 
 def test_other_numbers_of_steps_go_out_and_in(small_set, tmp_path):
-    """A rig that takes 5 and 3 steps; exported again, its photographs are the same files."""
+    """A geometry that takes 5 and 3 steps; exported again, its photographs are the same files."""
     store, folder = open_store(small_set), tmp_path / "own"
     p, steps = store.manifest["pitches"], {"high": 5, "mid": 4, "zmin": 3, "unit": 6}
     for index in store.indices("training")[:3]:

@@ -48,7 +48,7 @@ def test_a_view_is_what_the_ray_caster_sees(small_set, tiny):
     """The rig moves round a model that stays; here the model turns before a rig that stays."""
     store = open_store(small_set)
     for index in store.indices("training")[:6]:
-        about, view = store.about(index), store.view(index)
+        about, view = store.describe(index), store.view(index)
         turn = rotation(*about["pose"])
         seen = raycast(
             place(part(about["seed"], about["family"]), rotation=turn), tiny.system, albedo=0.9
@@ -129,7 +129,7 @@ def test_models_in_metres_give_the_same_views(tmp_path):
         mesh = part(5)
         mesh.vertices *= scale
         mesh.export(folder / "part.ply")
-        models, _ = sources.folder(folder)
+        models, _ = sources.mesh_folder(folder)
         generate(tmp_path / f"set-{unit}", "tiny", models, root=folder, views=2)
     a, b = (open_store(tmp_path / f"set-{u}") for u in ("mm", "m"))
     np.testing.assert_allclose(a.view(0).depth, b.view(0).depth, atol=1e-3)
@@ -277,9 +277,9 @@ def test_only_what_is_damaged_is_made_again(small_set, tmp_path, monkeypatch):
     (out / "column/c/3/0/0").write_bytes(shard)
     (out / "depth/zarr.json").unlink()
     made = []
-    real = sources.load
+    real = sources.load_model
     monkeypatch.setattr(
-        sources, "load", lambda model, root: made.append(model) or real(model, root)
+        sources, "load_model", lambda model, root: made.append(model) or real(model, root)
     )
     generate(out, "tiny", *seeded_models(10, 1), views=2)
     assert len(made) == 1 and tree(out) == tree(small_set)
@@ -448,7 +448,7 @@ def test_bad_models_are_skipped_and_recorded(tmp_path):
     with open(folder / "huge.stl", "wb") as huge:  # ten million faces, all of them zero
         huge.write(bytes(80) + (10_000_000).to_bytes(4, "little"))
         huge.truncate(84 + 50 * 10_000_000)
-    models, _ = sources.folder(folder)
+    models, _ = sources.mesh_folder(folder)
     manifest = generate(tmp_path / "set", "tiny", models, root=folder, views=36)
     records = {m["name"]: r for m, r in zip(manifest["models"], manifest["records"], strict=True)}
     skipped = {n: r["skipped"] for n, r in records.items() if "skipped" in r}
@@ -459,7 +459,7 @@ def test_bad_models_are_skipped_and_recorded(tmp_path):
     lit = records["open.ply"]["lit"]
     assert 0 in lit and max(lit) > 100  # from behind it shows nothing
     store = open_store(tmp_path / "set")
-    used = {store.about(i)["name"] for s in store.splits() for i in store.indices(s)}
+    used = {store.describe(i)["name"] for s in store.splits() for i in store.indices(s)}
     assert used <= {"good0.stl", "good1.stl", "good2.stl", "open.ply"}
     assert check(tmp_path / "set") == []
 
@@ -468,7 +468,7 @@ def test_nothing_usable_is_an_error(tmp_path):
     folder = tmp_path / "meshes"
     folder.mkdir()
     (folder / "empty.off").write_text("OFF\n0 0 0\n")
-    models, _ = sources.folder(folder)
+    models, _ = sources.mesh_folder(folder)
     with pytest.raises(
         ValueError, match="no training model .* could be used; the first: empty.off"
     ):

@@ -78,7 +78,7 @@ def test_parts_count_up():
 def test_family_is_known_without_the_part():
     """The family drawn from the seed alone gives the mesh that the seed gives."""
     for model in sources.parts(12):
-        mesh, notes = sources.load(model)
+        mesh, notes = sources.load_model(model)
         assert notes == () and mesh.is_watertight
         assert np.array_equal(mesh.vertices, shapes.part(model.seed).vertices)
 
@@ -110,18 +110,18 @@ def test_unfit_parts(arguments, given):
 
 
 def test_folder_lists_each_content_once_by_path(meshes):
-    models, notes = sources.folder(meshes)
+    models, notes = sources.mesh_folder(meshes)
     assert names(models) == ["a.PLY", "b.stl", "gears/Z.off", "gears/wheel.obj"]
     assert notes == ("gears/again.stl left out: the same bytes as b.stl",)
     for model in models:
         assert model == replace(listed(meshes / model.path), name=model.path, path=model.path)
-    assert sources.folder(str(meshes)) == (models, notes)
+    assert sources.mesh_folder(str(meshes)) == (models, notes)
 
 
 def test_first_of_a_folder(meshes):
-    every, _ = sources.folder(meshes)
-    assert sources.folder(meshes, 2) == (every[:2], ())
-    assert sources.folder(meshes, 4)[0] == every
+    every, _ = sources.mesh_folder(meshes)
+    assert sources.mesh_folder(meshes, 2) == (every[:2], ())
+    assert sources.mesh_folder(meshes, 4)[0] == every
 
 
 @pytest.mark.parametrize(
@@ -133,20 +133,20 @@ def test_first_of_a_folder(meshes):
 )
 def test_number_out_of_range(meshes, number, given):
     with pytest.raises(ValueError, match=given):
-        sources.folder(meshes, number)
+        sources.mesh_folder(meshes, number)
 
 
 def test_no_folder(meshes):
     with pytest.raises(FileNotFoundError, match="none does not exist; a folder of mesh files"):
-        sources.folder(meshes / "none")
+        sources.mesh_folder(meshes / "none")
     with pytest.raises(NotADirectoryError, match="b.stl is a file; the folder that holds it"):
-        sources.folder(meshes / "b.stl")
+        sources.mesh_folder(meshes / "b.stl")
 
 
 def test_folder_without_meshes(tmp_path):
     (tmp_path / "readme.txt").write_text("no mesh")
     with pytest.raises(ValueError, match="holds no mesh files; glb, gltf, npz, obj, off, ply, stl"):
-        sources.folder(tmp_path)
+        sources.mesh_folder(tmp_path)
 
 
 def test_links_are_not_followed(meshes, tmp_path_factory):
@@ -157,24 +157,24 @@ def test_links_are_not_followed(meshes, tmp_path_factory):
     (meshes / "out.stl").symlink_to(elsewhere / "secret.stl")
     (meshes / "self.stl").symlink_to("self.stl")
     (meshes / "readme.link").symlink_to("readme.txt")
-    models, notes = sources.folder(meshes)
+    models, notes = sources.mesh_folder(meshes)
     assert len(models) == 4
     links = [f"{name} left out: a link" for name in ("loop", "out", "out.stl", "self.stl")]
     assert list(notes[:4]) == links
     (elsewhere / "through").symlink_to(meshes)
-    assert sources.folder(elsewhere / "through") == (models, notes), "the root may be a link"
+    assert sources.mesh_folder(elsewhere / "through") == (models, notes), "the root may be a link"
 
 
 def test_pipes_and_folders_named_like_meshes(meshes):
     os.mkfifo(meshes / "pipe.stl")
     (meshes / "folder.stl").mkdir()
-    assert len(sources.folder(meshes)[0]) == 4
+    assert len(sources.mesh_folder(meshes)[0]) == 4
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux alone")
 def test_name_that_is_no_text(meshes):
     os.rename(os.fsencode(meshes / "b.stl"), os.fsencode(meshes) + b"/b\xff.stl")
-    models, notes = sources.folder(meshes)
+    models, notes = sources.mesh_folder(meshes)
     assert names(models) == ["a.PLY", "gears/Z.off", "gears/again.stl", "gears/wheel.obj"]
     assert notes == (r"b\udcff.stl left out: its name is not UTF-8",)
     json.dumps(notes, ensure_ascii=False).encode()
@@ -189,11 +189,11 @@ def test_file_that_may_not_be_read(meshes, monkeypatch):
     model = listed(meshes / "b.stl")
     monkeypatch.setattr(listing, "digest", refuse)
     monkeypatch.setattr(sources, "digest", refuse)
-    models, notes = sources.folder(meshes)
+    models, notes = sources.mesh_folder(meshes)
     assert "b.stl" not in names(models) and "gears/again.stl" in names(models)
     assert notes == ("b.stl left out: Permission denied",)
     with pytest.raises(ValueError, match=r"b.stl cannot be read \(Permission denied\)"):
-        sources.load(model, meshes)
+        sources.load_model(model, meshes)
 
 
 # Loading
@@ -203,7 +203,7 @@ def test_file_that_may_not_be_read(meshes, monkeypatch):
 def test_load_gives_the_mesh_as_it_is(tmp_path, suffix):
     """In metres as in millimetres, wherever it lies."""
     mesh = shapes.part(3, "conrod").apply_scale(1e-3).apply_translation((1, 2, 3))
-    read, notes = sources.load(listed(write(tmp_path / f"part.{suffix}", mesh)), tmp_path)
+    read, notes = sources.load_model(listed(write(tmp_path / f"part.{suffix}", mesh)), tmp_path)
     assert notes == () and shapes.genus(read) == 2
     assert np.allclose(read.bounds, mesh.bounds, atol=3e-7), "float32 at 3 m"
     assert len(read.faces) == len(mesh.faces)
@@ -211,7 +211,7 @@ def test_load_gives_the_mesh_as_it_is(tmp_path, suffix):
 
 def test_open_and_flat_meshes_are_used(tmp_path):
     flat = shapes.plane(500)
-    read, notes = sources.load(listed(write(tmp_path / "flat.ply", flat)), tmp_path)
+    read, notes = sources.load_model(listed(write(tmp_path / "flat.ply", flat)), tmp_path)
     assert notes == ("not watertight",)
     assert np.allclose(read.bounds, flat.bounds)
 
@@ -231,7 +231,7 @@ NAN = np.where(np.arange(18).reshape(2, 3, 3) == 4, np.nan, TRIANGLES)
 def test_unfit_stl(tmp_path, make, given):
     path = make(tmp_path)
     with pytest.raises(ValueError, match=given):
-        sources.load(listed(path), tmp_path)
+        sources.load_model(listed(path), tmp_path)
 
 
 @pytest.mark.parametrize("suffix", ["stl", "ply", "off", "glb", "npz"])
@@ -240,7 +240,7 @@ def test_truncated_file(tmp_path, suffix, kept):
     path = write(tmp_path / f"half.{suffix}")
     path.write_bytes(path.read_bytes()[: int(kept * path.stat().st_size)])
     with pytest.raises(ValueError, match=rf"half\.{suffix}.*(needed|needs)"):
-        sources.load(listed(path), tmp_path)
+        sources.load_model(listed(path), tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -256,7 +256,7 @@ def test_truncated_file(tmp_path, suffix, kept):
 def test_unfit_text(tmp_path, name, text, given):
     (tmp_path / name).write_text(text)
     with pytest.raises(ValueError, match=given):
-        sources.load(listed(tmp_path / name), tmp_path)
+        sources.load_model(listed(tmp_path / name), tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -273,7 +273,7 @@ def test_too_many_faces_are_refused_before_they_are_read(tmp_path, name, faces, 
     tracemalloc.start()
     try:
         with pytest.raises(ValueError, match=given):
-            sources.load(model, tmp_path)
+            sources.load_model(model, tmp_path)
         assert tracemalloc.get_traced_memory()[1] < 1_000_000
     finally:
         tracemalloc.stop()
@@ -286,27 +286,27 @@ def test_polygons_that_a_header_counts_once(tmp_path, monkeypatch):
     square += "property float z\nelement face 1\nproperty list uchar int vertex_indices\n"
     (tmp_path / "m.ply").write_text(f"{square}end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
     with pytest.raises(ValueError, match="m.ply has 2 faces; at most 1 fit"):
-        sources.load(listed(tmp_path / "m.ply"), tmp_path)
+        sources.load_model(listed(tmp_path / "m.ply"), tmp_path)
 
 
 def test_file_changed_gone_or_elsewhere(tmp_path):
     path = write(tmp_path / "set" / "m.stl")
     model = listed(path)
-    sources.load(model, path.parent)
+    sources.load_model(model, path.parent)
     write(path, trimesh.creation.box((1, 2, 4)))
     with pytest.raises(ValueError, match="m.stl has changed since it was listed"):
-        sources.load(model, path.parent)
+        sources.load_model(model, path.parent)
     with pytest.raises(ValueError, match="a file below .*set is needed"):
         write(tmp_path / "m.stl")
-        sources.load(replace(model, path="../m.stl"), path.parent)
+        sources.load_model(replace(model, path="../m.stl"), path.parent)
     with pytest.raises(ValueError, match="the folder it was listed from is needed"):
-        sources.load(model)
+        sources.load_model(model)
     path.unlink()
     with pytest.raises(FileNotFoundError, match="m.stl is gone"):
-        sources.load(model, path.parent)
+        sources.load_model(model, path.parent)
     path.symlink_to(path)
     with pytest.raises(FileNotFoundError, match="m.stl is gone"):
-        sources.load(model, path.parent)
+        sources.load_model(model, path.parent)
 
 
 # Thingi10K, in the layout of the cache of its package
@@ -352,7 +352,7 @@ def test_thingi10k_by_number(tmp_path, without_package, variant):
     assert names(models) == ["thingi10k-99", "thingi10k-34783", "thingi10k-100032"]
     assert [model.path for model in models] == [FILES[variant][k] for k in (1, 2, 0)]
     for model, seed in zip(models, (1, 2, 0), strict=True):
-        read, notes = sources.load(model, root)
+        read, notes = sources.load_model(model, root)
         assert read.volume == pytest.approx(shapes.part(seed, "nut").volume, rel=1e-4)
     assert sources.thingi10k(2, tmp_path, download=True) == (root, models[:2], ())
     with pytest.raises(ValueError, match="number 4 given; .* holds 3 different models"):
@@ -370,7 +370,7 @@ def test_npz_without_pickles(tmp_path):
     path = tmp_path / "1.npz"
     np.savez(path, vertices=np.array([{"a": 1}] * 3, object), facets=np.zeros((1, 3), int))
     with pytest.raises(ValueError, match="1.npz cannot be read .*allow_pickle"):
-        sources.load(listed(path), tmp_path)
+        sources.load_model(listed(path), tmp_path)
 
 
 def test_cache_that_is_not_complete(tmp_path, without_package):

@@ -120,7 +120,7 @@ def test_photographs_of_any_pitch_steps_and_noise(small_set):
 
 @pytest.mark.parametrize("index", [-1, 22, 999])
 def test_a_view_that_is_not_there(index, small_set):
-    for ask in ("view", "about"):
+    for ask in ("view", "describe"):
         with pytest.raises(ValueError, match=f"view {index} given; .* has views 0 to 21"):
             getattr(open_store(small_set), ask)(index)
 

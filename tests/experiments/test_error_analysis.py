@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.experiments.error_analysis import DISTANCES, Inspection, edge_distance, edges_of
+from fpputil.experiments.error_analysis import DISTANCES, ErrorAnalysis, edge_distance, edges_of
 
 SIZE = (40, 60)
 
@@ -44,7 +44,7 @@ def test_errors_are_sorted_by_distance():
     modulation[:, 30:] = 20
     Phi, distance = slanted(), edge_distance(modulation)
     off = np.where(distance < 2, 7.0, 0.5)
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     inspection.add(view(Phi, modulation), found(Phi + off))
     summary = inspection.summary()
     assert summary["edge_mae"][:2] == [pytest.approx(7), pytest.approx(7)]
@@ -57,7 +57,7 @@ def test_errors_are_sorted_by_distance():
 def test_waves_are_found_at_their_harmonic(harmonic):
     Phi = slanted()
     rng = np.random.default_rng(0)
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     for turn in (0.0, 1.0):  # of another phase in every view
         e = 0.2 * np.cos(harmonic * Phi + turn)
         inspection.add(view(Phi), found(Phi, Phi + e + 0.05 * rng.standard_normal(SIZE)))
@@ -71,10 +71,10 @@ def test_waves_are_found_at_their_harmonic(harmonic):
 
 def test_an_offset_and_a_smooth_error_are_no_waves():
     v, u = np.mgrid[: SIZE[0], : SIZE[1]].astype(float)
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     inspection.add(view(slanted()), found(slanted(), slanted() + 0.05))
     assert max(inspection.summary()["waves"]) < 1e-6
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     for turn in range(4):
         smooth = 0.1 * np.sin(u / 9 + v / 11 + turn)
         inspection.add(view(slanted()), found(slanted(), slanted() + smooth))
@@ -88,7 +88,7 @@ def test_a_view_of_few_fringes_does_not_invent_waves(fringes):
     u = np.mgrid[: SIZE[0], : SIZE[1]][1]
     Phi = 40 + 2 * math.pi * fringes * u / SIZE[1]
     e = 0.05 * np.random.default_rng(0).standard_normal(SIZE)
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     inspection.add(view(Phi), found(Phi, Phi + e))
     summary = inspection.summary()
     assert max(summary["waves"] + summary["floor"]) < 0.02
@@ -97,14 +97,14 @@ def test_a_view_of_few_fringes_does_not_invent_waves(fringes):
 def test_a_few_wild_pixels_are_no_waves():
     e = np.zeros(SIZE)
     e[::7, ::5] = 3.0
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     inspection.add(view(slanted()), found(slanted(), slanted() + e))
     assert max(inspection.summary()["waves"]) < 1e-6
 
 
 def test_the_truth_is_sharp_in_real_views(small_set):
     data = SynthFringe(small_set, "training")
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     for k in range(6):
         item = {name: value.numpy() for name, value in data[k].items()}
         inspection.add(item, found(item["Phi"], np.angle(np.exp(1j * item["Phi"]))))
@@ -115,7 +115,7 @@ def test_the_truth_is_sharp_in_real_views(small_set):
 def test_sharpness_is_the_share_of_a_crease_that_is_left(share):
     Phi = slanted()
     bent = 0.4 * np.abs(np.mgrid[: SIZE[0], : SIZE[1]][1] - 30)
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     guess = Phi + share * bent
     inspection.add(view(Phi + bent), found(guess, np.angle(np.exp(1j * guess))))
     assert inspection.summary()["sharpness"] == pytest.approx(share, abs=1e-6)
@@ -125,14 +125,14 @@ def test_wrapped_or_not_and_with_a_hole():
     Phi = slanted() + 0.3 * np.sin(np.mgrid[: SIZE[0], : SIZE[1]][0])
     mask = np.ones(SIZE, bool)
     mask[10:20, 10:20] = False
-    one, two = Inspection(), Inspection()
+    one, two = ErrorAnalysis(), ErrorAnalysis()
     one.add(view(Phi, mask=mask), found(Phi))
     two.add(view(Phi, mask=mask), found(Phi, np.where(mask, np.angle(np.exp(1j * Phi)), 3.0)))
     assert one.summary()["sharpness"] == pytest.approx(two.summary()["sharpness"]) == 1
 
 
 def test_nothing_to_measure_is_nan():
-    summary = Inspection().summary()
+    summary = ErrorAnalysis().summary()
     assert math.isnan(summary["sharpness"]) and math.isnan(summary["rms"])
 
 

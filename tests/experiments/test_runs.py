@@ -11,19 +11,24 @@ import torch
 from filelock import FileLock
 
 from fpputil.cli import main
-from fpputil.dataset import naming
 from fpputil.dataset.store import open_store
 from fpputil.experiments import assessment, tables
 from fpputil.experiments import learning_rate as rates
 from fpputil.experiments import registry as experiments
 from fpputil.experiments import runs as results
-from fpputil.experiments.error_analysis import DISTANCES, Inspection
+from fpputil.experiments.error_analysis import DISTANCES, ErrorAnalysis
 from fpputil.experiments.registry import ROWS, SEEDS, budget, methods, seeded_name
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.weights import load_weights
 
 KINDS = ("sfnet", "sido", "psnet", "dlalnet")
-SHORT = {"epochs": 2, "views": 4, "batch": 4, "validate": 2, "precision": "float32"}
+SHORT = {
+    "epochs": 2,
+    "training_views": 4,
+    "batch": 4,
+    "validation_views": 2,
+    "precision": "float32",
+}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -34,7 +39,7 @@ def short_runs():
         short = replace(budget("tiny"), **SHORT)
         patched.setattr(results, "budget", lambda preset: short)
         patched.setattr(rates, "SEARCHED", KINDS)
-        patched.setattr(rates, "SEARCH", replace(short, epochs=1))
+        patched.setattr(rates, "SEARCH_CONFIG", replace(short, epochs=1))
         patched.setattr(assessment, "CONDITION_VIEWS", 1)
         yield
 
@@ -50,7 +55,7 @@ def found(small_set, tmp_path_factory):
     )
     (out / "tiny" / "rates.json").write_text(text)
     for name in ("sfnet", "sido", "psnet", "sfnet-seed-1"):
-        results.run(name, "tiny", small_set, out / "work", out)
+        results.make_run(name, "tiny", small_set, out / "work", out)
     return out
 
 
@@ -60,7 +65,7 @@ def weights_of(out, name):
 
 
 def make(name, data, out):
-    return results.run(name, "tiny", data, out / "work", out)
+    return results.make_run(name, "tiny", data, out / "work", out)
 
 
 def test_every_row_is_a_run_and_sixteen_are_distinct():
@@ -96,10 +101,13 @@ def test_each_row_differs_from_sfnet_in_what_it_says():
 def test_what_a_run_leaves(found, small_set):
     run = json.loads((found / "tiny" / "sfnet.json").read_text())
     assert run["seed"] == 0 and run["images"] == 8 and run["preset"] == "tiny"
-    assert run["settings"]["rate"] == rates.best_rate(found / "tiny" / "rates.json", "sfnet")
+    assert run["settings"]["learning_rate"] == rates.best_learning_rate(
+        found / "tiny" / "rates.json", "sfnet"
+    )
     assert len(run["history"]) == 2 and run["seconds"] > 0
     assert run["hardware"]["torch"] == torch.__version__
-    assert run["content"] == run["data"] == open_store(small_set).manifest["content"]
+    store = open_store(small_set)
+    assert (run["data"], run["checksum"]) == (store.name, store.checksum)
     trained = load_weights(weights_of(found, "sfnet"))
     data = open_split(trained, small_set, "test")
     both, alone = evaluate(trained, data)
@@ -118,9 +126,9 @@ def test_what_a_run_leaves(found, small_set):
         number, total, _ = np.array(test["sums"][kind]).sum(axis=0)
         assert total / number == pytest.approx(expected[name][0], rel=1e-4)
     assert set(run["conditions"]) == set(assessment.CONDITIONS)
-    inspection = Inspection()
+    inspection = ErrorAnalysis()
     evaluate(trained, data, inspection.add)
-    for name, values in assessment.inspected([run]).items():
+    for name, values in assessment.analyse_errors([run]).items():
         assert values == pytest.approx(inspection.summary()[name], rel=1e-4, nan_ok=True), name
     assert len(inspection.summary()["edge_mae"]) == len(DISTANCES) - 1
     assert run["splits"]["held-out"]["views"] == 2
@@ -148,7 +156,7 @@ def test_pictures_are_errors_of_test_views(found, small_set):
 
 def test_the_truth_of_the_pictures_is_kept_once(found, small_set):
     data = open_split(load_weights(weights_of(found, "sido")), small_set, "test")
-    with np.load(found / "tiny" / naming.VIEWS) as file:
+    with np.load(found / "tiny" / assessment.VIEWS) as file:
         for k, index in enumerate(data.indices):
             for name in assessment.TRUTH:
                 np.testing.assert_array_equal(file[f"{index}-{name}"], data[k][name].numpy())
@@ -159,25 +167,6 @@ def test_a_finished_run_is_not_made_again(found, small_set, monkeypatch):
     monkeypatch.setattr(results, "fit", None)
     assert make("sido", small_set, found)["name"] == "sido"
     assert (found / "tiny" / "sido.json").read_bytes() == before
-
-
-def test_nor_where_another_processor_rounded_its_dataset(found, small_set, tmp_path, monkeypatch):
-    shutil.copytree(found / "tiny", tmp_path / "tiny")
-    for name in (*KINDS[:3], "sfnet-seed-1"):
-        run = json.loads((path := tmp_path / "tiny" / f"{name}.json").read_text())
-        path.write_text(json.dumps(run | {"data": "another"}))
-    with np.load(path := tmp_path / "tiny" / naming.VIEWS) as file:
-        views = dict(file)
-    np.savez(path, **views | {"data": np.array("another")})
-    before = path.read_bytes()
-    (tmp_path / "tiny" / "psnet.json").unlink()
-    made = make("psnet", small_set, tmp_path)
-    assert made["data"] == "another"
-    assert made["content"] == open_store(small_set).manifest["content"]
-    assert path.read_bytes() == before
-    assert set(results.read_results("tiny", tmp_path)) == {*KINDS[:3], "sfnet-seed-1"}
-    monkeypatch.setattr(results, "fit", None)
-    assert make("sido", small_set, tmp_path)["data"] == "another"
 
 
 def test_a_stopped_run_goes_on_to_the_same_numbers(found, small_set, tmp_path, monkeypatch):
@@ -210,7 +199,7 @@ def test_a_run_under_way_elsewhere_is_left_to_others(found, small_set, capsys, m
     lock.acquire()
     with pytest.raises(BlockingIOError, match="another process is making the run sido"):
         make("sido", small_set, found)
-    real = results.run
+    real = results.make_run
 
     def run(name, *args, **how):
         if args[-1]:  # it waits
@@ -218,7 +207,7 @@ def test_a_run_under_way_elsewhere_is_left_to_others(found, small_set, capsys, m
             lock.release()
         return real(name, *args, **how)
 
-    monkeypatch.setattr(results, "run", run)
+    monkeypatch.setattr(results, "make_run", run)
     places = ("--data", small_set, "--work", found / "work", "--results", found)
     assert main(["results", "run", "sido", "psnet", *map(str, places)]) == 0
     said = capsys.readouterr().out.splitlines()
@@ -269,21 +258,21 @@ def test_what_is_missing_is_said(found, small_set, tmp_path, capsys):
     with pytest.raises(FileNotFoundError, match="search first: fpp results rates"):
         make("sfnet", small_set, tmp_path)
     with pytest.raises(ValueError, match="made with the preset tiny, and small is asked for"):
-        results.run("sfnet", "small", small_set, tmp_path, found)
+        results.make_run("sfnet", "small", small_set, tmp_path, found)
     half = json.loads((found / "tiny" / "rates.json").read_text())
     half["runs"]["sido"].popitem()
     assert main(["results", "run", "all", "typo", "--data", str(small_set)]) == 1
     assert "run 'typo' given" in capsys.readouterr().err
     (tmp_path / "rates.json").write_text(json.dumps(half))
     with pytest.raises(ValueError, match="lacks rates of sido"):
-        rates.best_rate(tmp_path / "rates.json", "sido")
-    assert rates.best_rate(tmp_path / "rates.json", "sfnet") == 2e-3
+        rates.best_learning_rate(tmp_path / "rates.json", "sido")
+    assert rates.best_learning_rate(tmp_path / "rates.json", "sfnet") == 2e-3
     half["data"] = "another"
     (tmp_path / "rates.json").write_text(json.dumps(half))
     with pytest.raises(ValueError, match="is a search with other data"):
-        rates.search(small_set, tmp_path / "rates.json")
+        rates.search_learning_rate(small_set, tmp_path / "rates.json")
     with pytest.raises(ValueError, match="'sfnet-zmin' given; rates are searched for sfnet, sido"):
-        rates.search(small_set, tmp_path / "rates.json", ["sfnet-zmin"])
+        rates.search_learning_rate(small_set, tmp_path / "rates.json", ["sfnet-zmin"])
     assert main(["results", "table", "3", "--results", str(tmp_path)]) == 1
     assert "no run of table 3 is finished" in capsys.readouterr().err
     assert main(["results", "table", "9", "--results", str(found)]) == 1
@@ -297,30 +286,32 @@ def test_the_search_goes_on_where_the_best_is_an_end(small_set, tmp_path, monkey
     monkeypatch.setattr(rates, "methods", lambda preset: known)
 
     def fit(method, data, settings, **how):
-        seen.append(settings.rate)
-        if method == known["sido"] and settings.rate > 0.02:
+        seen.append(settings.learning_rate)
+        if method == known["sido"] and settings.learning_rate > 0.02:
             raise FloatingPointError("the loss is inf")
         best = 1.6e-2 if method == known["sido"] else 2e-3
-        found = {f"validation_{k}": abs(math.log(settings.rate / best)) for k in rates.MEASURES}
+        found = {
+            f"validation_{k}": abs(math.log(settings.learning_rate / best)) for k in rates.MEASURES
+        }
         return None, [{**found, "seconds": 1.0}]
 
     monkeypatch.setattr(rates, "fit", fit)
-    found = rates.search(small_set, path)
-    assert rates.search(small_set, path, ["psnet"]) == {"psnet": 2e-3}
+    found = rates.search_learning_rate(small_set, path)
+    assert rates.search_learning_rate(small_set, path, ["psnet"]) == {"psnet": 2e-3}
     assert found == {"sfnet": 2e-3, "sido": 1.6e-2, "psnet": 2e-3, "dlalnet": 2e-3}
     made = json.loads(path.read_text())["runs"]
     assert list(made["sfnet"]) == ["0.001", "0.002", "0.004"]
     assert made["sido"]["0.032"] == {"mae": None}
     number = len(seen)
-    assert rates.search(small_set, path) == found and len(seen) == number
+    assert rates.search_learning_rate(small_set, path) == found and len(seen) == number
     made["psnet"].popitem()
     path.write_text(json.dumps({**json.loads(path.read_text()), "runs": made}))
-    assert rates.search(small_set, path) == found and len(seen) == number + 1
+    assert rates.search_learning_rate(small_set, path) == found and len(seen) == number + 1
 
 
 def test_a_search_is_a_training_run(small_set, tmp_path, monkeypatch):
     monkeypatch.setattr(rates, "_next_rate", lambda tried: None if tried else 1e-3)
-    rates.search(small_set, tmp_path / "rates.json")
+    rates.search_learning_rate(small_set, tmp_path / "rates.json")
     found = json.loads((tmp_path / "rates.json").read_text())["runs"]["psnet"]["0.001"]
     assert 0 < found["mae"] < found["rmse"] and 0 < found["order_errors"] <= 1
 

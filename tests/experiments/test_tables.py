@@ -48,9 +48,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
             values = 1 + 0.1 * rng.standard_normal(3)
             runs |= named(name, invented(values, seed=trial, spread=0.1))
         own = intervals.seeds_of("sfnet", runs)
-        values = intervals.drawn(own, "mae_rad", draws=200)
-        spread = intervals.seed_spread(runs, "mae_rad")
-        moved = intervals.moved_by_seeds([(own, values[0])], spread)
+        values = intervals.bootstrap(own, "mae_rad", draws=200)
+        spread = intervals.seed_variation(runs, "mae_rad")
+        moved = intervals.seed_error([(own, values[0])], spread)
         value, low, high = intervals.interval(values, *moved)
         held += low < 1 < high and moved[1] == pytest.approx(12)
     assert held >= 53  # of 60; 57 are expected, and 53 or more in 98 of 100 cases
@@ -97,7 +97,7 @@ def test_differences_are_drawn_in_pairs():
     assert row.difference == pytest.approx((0.05, 0.05, 0.05))
     b["splits"]["test"]["models"].reverse()
     with pytest.raises(ValueError, match="different models"):
-        intervals.drawn([a, b], "mae_rad")
+        intervals.bootstrap([a, b], "mae_rad")
 
 
 def test_tables_of_one_seed_take_seed_0_of_every_row():

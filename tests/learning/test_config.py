@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from fpputil.experiments.recipes import CAMERA, recipe
-from fpputil.learning.config import Settings
-from fpputil.learning.devices import device_of, precision_of, world
+from fpputil.learning.config import TrainingConfig
+from fpputil.learning.devices import device_of, precision_of, processes
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod
 
@@ -18,29 +18,29 @@ from fpputil.networks.methods import SFNetMethod
         ({"epochs": 0}, "epochs 0 given"),
         ({"batch": 0}, "batch 0 given"),
         ({"batch": 2.5}, "batch 2.5 given"),
-        ({"validate": 0}, "validate 0 given"),
-        ({"patience": -1}, "patience -1 given"),
-        ({"views": -1}, "views -1 given"),
-        ({"wait": 0}, "wait 0 given"),
+        ({"validation_views": 0}, "validation_views 0 given"),
+        ({"early_stopping": -1}, "early_stopping -1 given"),
+        ({"training_views": -1}, "training_views -1 given"),
+        ({"plateau_patience": 0}, "plateau_patience 0 given"),
         ({"seed": -1}, "seed -1 given"),
-        ({"rate": 0}, "rate 0 given"),
-        ({"rate": math.nan}, "rate nan given"),
-        ({"clip": 0}, "clip 0 given"),
-        ({"decay": -1}, "decay -1 given"),
+        ({"learning_rate": 0}, "learning_rate 0 given"),
+        ({"learning_rate": math.nan}, "learning_rate nan given"),
+        ({"max_grad_norm": 0}, "max_grad_norm 0 given"),
+        ({"weight_decay": -1}, "weight_decay -1 given"),
         ({"schedule": "cosine"}, "schedule 'cosine' given; plateau or one-cycle"),
         ({"precision": "half"}, "precision 'half' given; float32, bfloat16 or auto"),
     ],
 )
 def test_wrong_settings_are_named(options, said):
     with pytest.raises(ValueError, match=said):
-        Settings(**options)
+        TrainingConfig(**options)
 
 
 def test_recipes():
     for name in ("tiny", "small"):
         method, settings = recipe(name)
         assert isinstance(method, SFNetMethod) and settings.augmentation == CAMERA
-        assert (settings.schedule, settings.patience) == ("one-cycle", 0)
+        assert (settings.schedule, settings.early_stopping) == ("one-cycle", 0)
     method, settings = recipe("paper")
     assert (method.levels, method.frames, method.mixing) == (6, 1, "deepest")
     assert method.weights == Weights(1.0, 1e-2, 1e-6, order=True, mean=False)
@@ -50,7 +50,7 @@ def test_recipes():
 
 
 def test_devices():
-    with world() as alone:
+    with processes() as alone:
         assert (alone.rank, alone.size) == (0, 1)
         assert alone.total(1.5, 2) == [1.5, 2.0]
     cpu = torch.device("cpu")

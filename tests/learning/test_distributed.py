@@ -11,10 +11,10 @@ from safetensors.torch import load_file
 
 from fpputil.cli import main
 from fpputil.learning.checkpoint import read_about
-from fpputil.learning.log import read_history
+from fpputil.learning.log import read_log
 
 OPTIONS = (
-    *("--epochs", "2", "--batch", "6", "--base", "2", "--levels", "2", "--validate", "2"),
+    *("--epochs", "2", "--batch", "6", "--base", "2", "--levels", "2", "--validation-views", "2"),
     *("--dropout", "0", "--precision", "float32", "--threads", "1", "--workers", "0"),
 )  # augmentation is drawn by view and epoch: the number of processes does not change it
 NAMES = ("phase", "consistency", "geometric", "total", "validation_mae", "validation_rmse")
@@ -44,10 +44,10 @@ def both(small_set, tmp_path_factory):
 
 def test_losses_are_those_of_one_process(both):
     one, two, _ = both
-    rows, shared = (read_history(out / "log.csv") for out in (one, two))
+    rows, shared = (read_log(out / "log.csv") for out in (one, two))
     assert len(rows) == len(shared) == 2
     for row, other in zip(rows, shared, strict=True):
-        assert row["images"] == other["images"] and row["rate"] == other["rate"]
+        assert row["images"] == other["images"] and row["learning_rate"] == other["learning_rate"]
         for name in NAMES:
             assert abs(row[name] - other[name]) <= 1e-5 * max(1, row[name]), name
         assert other["validation_order_errors"] == pytest.approx(

@@ -12,9 +12,21 @@ from torch import nn
 
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.learning.evaluation import evaluate, measure, open_split, predictions, save_points
-from fpputil.learning.weights import Trained, load_weights, record, save_weights
-from fpputil.networks.geometry import Rig
+from fpputil.learning.evaluation import (
+    evaluate,
+    open_split,
+    predict_batch,
+    predictions,
+    save_points,
+)
+from fpputil.learning.weights import (
+    Trained,
+    load_weights,
+    read_metrics,
+    save_weights,
+    write_metrics,
+)
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.methods import SFNetMethod, settings_of
 
 TWO_PI = 2 * math.pi
@@ -110,7 +122,7 @@ def test_views_may_be_chosen(small_set, about):
             np.testing.assert_array_equal(value, truth[name])
         mask = item["mask"]
         np.testing.assert_allclose(one.Phi[mask], item["Phi"][mask], atol=1e-3)
-        assert {a.shape for a in (one.phi_h, one.phi_r, one.Phi, one.alone)} == {(120, 160)}
+        assert {a.shape for a in (one.phi_h, one.phi_r, one.Phi, one.Phi_from_one)} == {(120, 160)}
         assert one.Phi.dtype == np.float32
     assert len(list(predictions(trained, data))) == 16  # two whole batches
     assert len(evaluate(trained, data, views=chosen)[0].models) == 3
@@ -126,19 +138,26 @@ def test_measure_is_network_and_method(small_set, about):
     trained = Trained(METHOD, network(), about)
     data = open_split(trained, small_set, "test")
     frames = torch.stack([data[0]["frames"], data[1]["frames"]])
-    rig = Rig.of(data.store.system, data.pitches)
-    found = measure(trained, frames, rig)
+    geometry = Geometry.of(data.store.system, data.pitches)
+    found = predict_batch(trained, frames, geometry)
     with torch.no_grad():
         outputs = trained.network(frames)
         phi_h, phi_r = METHOD.phases(outputs)
-        maps = (phi_h, phi_r, METHOD.absolute(outputs, rig), rig.one_photograph(phi_h))
+        maps = (
+            phi_h,
+            phi_r,
+            METHOD.absolute_phase(outputs, geometry),
+            geometry.from_one_phase(phi_h),
+        )
     for one, *expected in zip(found, *maps, strict=True):
-        for got, value in zip((one.phi_h, one.phi_r, one.Phi, one.alone), expected, strict=True):
+        for got, value in zip(
+            (one.phi_h, one.phi_r, one.Phi, one.Phi_from_one), expected, strict=True
+        ):
             turned = np.exp(1j * (got - value.numpy()).astype(float))
             np.testing.assert_allclose(turned, 1, atol=1e-3)
-    again = measure(trained, frames.numpy(), rig)
+    again = predict_batch(trained, frames.numpy(), geometry)
     np.testing.assert_array_equal(again[1].Phi, found[1].Phi)
-    lower = measure(trained, frames, rig, "bfloat16")
+    lower = predict_batch(trained, frames, geometry, "bfloat16")
     off = np.abs(np.angle(np.exp(1j * (lower[0].phi_h - found[0].phi_h))))
     assert 0 < off.mean() < 0.02
 
@@ -161,7 +180,7 @@ def test_photographs_that_are_not_finite_are_named(small_set, about, wild):
     frames = data[0]["frames"][None].clone()
     frames[0, 1, 5, 5] = wild
     with pytest.raises(ValueError, match="NaN or infinite pixels"):
-        measure(trained, frames, Rig.of(data.store.system, data.pitches))
+        predict_batch(trained, frames, Geometry.of(data.store.system, data.pitches))
 
 
 def test_loading_processes_change_nothing(small_set, about):
@@ -239,12 +258,12 @@ def test_what_was_measured_is_kept_with_the_weights(tmp_path, about, dtype):
     path = tmp_path / "net.safetensors"
     save_weights(path, Trained(METHOD, network(), about), dtype)
     before = load_file(path)
-    record(path, load_weights(path), "test", {"mae_rad": [1.0, 0.5, 2.0]})
-    record(path, load_weights(path), "held-out", {"mae_rad": [3.0, 2.5, 4.0]})
+    write_metrics(path, load_weights(path), "test", {"mae_rad": [1.0, 0.5, 2.0]})
+    write_metrics(path, load_weights(path), "held-out", {"mae_rad": [3.0, 2.5, 4.0]})
     after = load_file(path)
     assert all(torch.equal(before[k], after[k]) and after[k].dtype == dtype for k in before)
     metrics = {"test": {"mae_rad": [1.0, 0.5, 2.0]}, "held-out": {"mae_rad": [3.0, 2.5, 4.0]}}
     back = load_weights(path)
-    assert back.about == {**about, "metrics": metrics} and back.method == METHOD
+    assert read_metrics(path) == metrics and back.metadata == about and back.method == METHOD
     beside = json.loads((tmp_path / "net.json").read_text())
     assert beside["metrics"] == metrics and beside["method"] == settings_of(METHOD)

@@ -24,19 +24,24 @@ from fpputil.dataset.plan import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.experiments.recipes import CAMERA
 from fpputil.learning.checkpoint import read_about
-from fpputil.learning.config import Settings
-from fpputil.learning.devices import World
+from fpputil.learning.config import TrainingConfig
+from fpputil.learning.devices import Processes
 from fpputil.learning.fit import fit
-from fpputil.learning.log import read_history
+from fpputil.learning.log import read_log
 from fpputil.learning.trainer import Trainer
 from fpputil.learning.weights import load_weights
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod
 
 METHOD = SFNetMethod(base=2, levels=2)
-SHORT = Settings(
-    epochs=2, batch=5, rate=3e-3, validate=2, precision="float32", augmentation=CAMERA
+SHORT = TrainingConfig(
+    epochs=2,
+    batch=5,
+    learning_rate=3e-3,
+    validation_views=2,
+    precision="float32",
+    augmentation=CAMERA,
 )  # three batches an epoch, of 16 images one waits
 CHECKPOINT, WEIGHTS = "checkpoint.safetensors", "weights.safetensors"
 
@@ -106,21 +111,26 @@ def test_equal_runs_are_equal_and_leave_the_generator_alone(runs, small_set, sch
     assert torch.equal(torch.get_rng_state(), before)
     assert same(trained.network, again.network)
     assert without_times(history) == without_times(repeated)
-    other, _ = fit(METHOD, small_set, replace(settings, seed=1, views=5))
+    other, _ = fit(METHOD, small_set, replace(settings, seed=1, training_views=5))
     assert not same(trained.network, other.network)
 
 
 def test_another_epoch_is_another_order_and_another_camera(small_set, monkeypatch):
     losses, seen = SFNetMethod.losses, []
 
-    def watched(self, outputs, batch, rig):
+    def watched(self, outputs, batch, geometry):
         seen.append(dict(zip(batch["index"].tolist(), batch["frames"], strict=True)))
-        return losses(self, outputs, batch, rig)
+        return losses(self, outputs, batch, geometry)
 
     monkeypatch.setattr(SFNetMethod, "losses", watched)
     for workers in (0, 1):
         seen.clear()
-        fit(METHOD, small_set, replace(SHORT, views=6, batch=3, validate=1), workers=workers)
+        fit(
+            METHOD,
+            small_set,
+            replace(SHORT, training_views=6, batch=3, validation_views=1),
+            workers=workers,
+        )
         orders = [list(a) + list(b) for a, b in (seen[:2], seen[2:])]
         assert sorted(orders[0]) == sorted(orders[1]) and orders[0] != orders[1]
         first, second = seen[0] | seen[1], seen[2] | seen[3]
@@ -142,7 +152,7 @@ def test_what_a_run_leaves_behind(small_set, tmp_path, monkeypatch):
     assert not active_children()
     assert {f.name for f in out.iterdir()} == {CHECKPOINT, WEIGHTS, "log.csv", "curve.png"}
     assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
-    assert read_history(out / "log.csv") == history
+    assert read_log(out / "log.csv") == history
     lines = (out / "log.csv").read_text().splitlines()
     assert len(lines) == 3 and lines[0].split(",") == list(history[0])
     last = load_file(out / CHECKPOINT)
@@ -167,10 +177,10 @@ def test_rows_of_the_log(whole, small_set):
         assert row["total"] == pytest.approx(total, rel=1e-5)
         assert row["images_a_second"] == pytest.approx(15 / row["seconds"], rel=1e-6)
     data = SynthFringe(small_set, "validation", METHOD.photographs, extremes=(0, 244))
-    rig = Rig.of(data.store.system, data.pitches)
+    geometry = Geometry.of(data.store.system, data.pitches)
     batch = {k: torch.stack([data[n][k] for n in range(len(data))]) for k in data[0]}
     with torch.no_grad():
-        Phi = METHOD.absolute(trained.network(batch["frames"]), rig)
+        Phi = METHOD.absolute_phase(trained.network(batch["frames"]), geometry)
     e = (Phi - batch["Phi"])[batch["mask"]].double().abs()
     assert history[-1]["validation_mae"] == pytest.approx(e.mean().item(), rel=1e-4)
     assert history[-1]["validation_rmse"] == pytest.approx(
@@ -186,11 +196,14 @@ def test_weights_say_what_they_were_trained_with(whole, small_set):
     best = min(history, key=lambda row: row["validation_mae"])["epoch"]
     data = SynthFringe(small_set, "training")
     assert saved.method == METHOD
-    assert saved.about["pitches"] == data.pitches and saved.about["camera"] == [120, 160]
-    assert saved.about["extremes"] == list(data.extremes)
-    assert saved.about["data"] == data.store.manifest["content"]
-    training = saved.about["training"]
-    assert training["settings"]["rate"] == settings.rate and training["precision"] == "float32"
+    assert saved.metadata["pitches"] == data.pitches and saved.metadata["camera"] == [120, 160]
+    assert saved.metadata["extremes"] == list(data.extremes)
+    assert saved.metadata["data"] == data.store.name
+    training = saved.metadata["training"]
+    assert (
+        training["settings"]["learning_rate"] == settings.learning_rate
+        and training["precision"] == "float32"
+    )
     assert training["epochs"] == best and training["images"] == 15 * best
     assert training["validation_mae"] == history[best - 1]["validation_mae"]
     assert training["hardware"]["threads"] == 1 and training["hardware"]["processes"] == 1
@@ -234,7 +247,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not(
     assert same(tmp_path / CHECKPOINT, out / CHECKPOINT)
     assert same(tmp_path / WEIGHTS, out / WEIGHTS)
     assert without_times(repeated) == without_times(history)
-    assert without_times(read_history(tmp_path / "log.csv")) == without_times(history)
+    assert without_times(read_log(tmp_path / "log.csv")) == without_times(history)
 
 
 def test_a_run_may_be_stopped_twice(whole, small_set, tmp_path, monkeypatch):
@@ -257,7 +270,7 @@ def test_a_finished_run_is_resumed_to_what_it_was(whole, small_set):
 
 
 OPTIONS = (
-    *("--epochs", "3", "--batch", "4", "--base", "2", "--levels", "2", "--validate", "2"),
+    *("--epochs", "3", "--batch", "4", "--base", "2", "--levels", "2", "--validation-views", "2"),
     *("--precision", "float32", "--threads", "1", "--workers", "0"),
 )
 
@@ -320,7 +333,7 @@ def measured_as(monkeypatch, maes):
     monkeypatch.setattr(Trainer, "_validate", validate)
 
 
-QUICK = replace(SHORT, epochs=20, views=3, validate=1, batch=3)
+QUICK = replace(SHORT, epochs=20, training_views=3, validation_views=1, batch=3)
 
 
 @pytest.mark.parametrize(
@@ -330,13 +343,13 @@ QUICK = replace(SHORT, epochs=20, views=3, validate=1, batch=3)
 def test_patience_ends(small_set, monkeypatch, patience, maes, epochs):
     """After so many epochs without a better one; never at 0."""
     measured_as(monkeypatch, maes)
-    settings = replace(QUICK, patience=patience, epochs=len(maes))
+    settings = replace(QUICK, early_stopping=patience, epochs=len(maes))
     _, history = fit(METHOD, small_set, settings)
     assert [row["validation_mae"] for row in history] == maes[:epochs]
 
 
 def test_patience_goes_on_after_a_stop(small_set, monkeypatch, tmp_path):
-    settings = replace(QUICK, patience=3)
+    settings = replace(QUICK, early_stopping=3)
     measured_as(monkeypatch, [5, 6])
     with monkeypatch.context() as patched:
         interrupt(patched, 3)
@@ -350,16 +363,18 @@ def test_patience_goes_on_after_a_stop(small_set, monkeypatch, tmp_path):
 def test_a_plateau_halves_the_rate(small_set, monkeypatch):
     """After so many epochs without a better one; a better one starts the count anew."""
     measured_as(monkeypatch, [9, 9, 8, 8, 8, 8, 8, 7.9999, 8])
-    settings = replace(QUICK, wait=2, patience=0, rate=1e-3, epochs=9)
+    settings = replace(QUICK, plateau_patience=2, early_stopping=0, learning_rate=1e-3, epochs=9)
     _, history = fit(METHOD, small_set, settings)
     rates = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4, 2.5e-4]
-    assert [row["rate"] for row in history] == rates
+    assert [row["learning_rate"] for row in history] == rates
 
 
 def test_one_cycle_rises_to_the_rate_and_falls_to_nothing(small_set):
-    settings = replace(QUICK, schedule="one-cycle", epochs=12, views=4, batch=2, rate=1e-2)
+    settings = replace(
+        QUICK, schedule="one-cycle", epochs=12, training_views=4, batch=2, learning_rate=1e-2
+    )
     _, history = fit(METHOD, small_set, settings)
-    rates = [row["rate"] for row in history]
+    rates = [row["learning_rate"] for row in history]
     k = np.arange(2, 24, 2)  # two steps an epoch; 24 in all, the rise in the first 15 %
     up, all_steps = 0.15 * 24 - 1, 23
     t = np.where(k < up, k / up, (k - up) / (all_steps - up))
@@ -371,7 +386,15 @@ def test_one_cycle_rises_to_the_rate_and_falls_to_nothing(small_set):
 
 def test_gradients_are_clipped_and_weights_decay(small_set):
     """Gradients clipped to nothing leave the decay of AdamW alone: 1 - rate decay a step."""
-    settings = replace(QUICK, epochs=1, views=6, batch=3, rate=1e-2, decay=0.5, clip=1e-14)
+    settings = replace(
+        QUICK,
+        epochs=1,
+        training_views=6,
+        batch=3,
+        learning_rate=1e-2,
+        weight_decay=0.5,
+        max_grad_norm=1e-14,
+    )
     trained, _ = fit(METHOD, small_set, settings)
     with torch.random.fork_rng():
         torch.manual_seed(settings.seed)
@@ -418,7 +441,7 @@ def test_a_log_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp
     def full(out, history):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fpputil.learning.trainer.write_history", full)
+    monkeypatch.setattr("fpputil.learning.trainer.write_log", full)
     with pytest.raises(OSError, match="No space left"):
         fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path)
     assert len(read_about(tmp_path / CHECKPOINT)["history"]) == 1
@@ -426,10 +449,10 @@ def test_a_log_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp
 
 def test_losses_of_several_processes_are_saved_as_their_mean(monkeypatch):
     """Stopped and resumed, each process begins with what the first one saved."""
-    monkeypatch.setattr(World, "total", lambda self, *values: [self.size * v for v in values])
+    monkeypatch.setattr(Processes, "total", lambda self, *values: [self.size * v for v in values])
     for size in (1, 2):
         run = SimpleNamespace(sums={"total": 3.0, "phase": 1.0})
-        trainer = SimpleNamespace(run=run, where=World(0, size, torch.device("cpu")))
+        trainer = SimpleNamespace(run=run, where=Processes(0, size, torch.device("cpu")))
         assert Trainer._shared_sums(trainer) == run.sums
 
 
@@ -449,11 +472,11 @@ def test_a_file_is_no_folder_for_a_run(small_set, tmp_path):
 
 def test_a_rate_far_too_high_ends_the_run(small_set):
     with pytest.raises(FloatingPointError, match=r"epoch 1, batch [23]; a lower learning rate"):
-        fit(METHOD, small_set, replace(SHORT, rate=1e20))
+        fit(METHOD, small_set, replace(SHORT, learning_rate=1e20))
 
 
 def test_bfloat16_trains_as_well(small_set):
-    settings = replace(SHORT, epochs=1, views=8, batch=4, precision="bfloat16")
+    settings = replace(SHORT, epochs=1, training_views=8, batch=4, precision="bfloat16")
     trained, (row,) = fit(METHOD, small_set, settings)
     _, (exact,) = fit(METHOD, small_set, replace(settings, precision="float32"))
     assert row["total"] == pytest.approx(exact["total"], rel=0.1) and row["total"] != exact["total"]
@@ -470,7 +493,7 @@ def test_a_run_is_not_overwritten(whole, small_set):
 
 def test_a_run_begins_with_a_network_that_is_given(whole, small_set, tmp_path):
     settings, out, trained, _ = whole
-    first = replace(settings, epochs=1, rate=1e-12, decay=0.0)
+    first = replace(settings, epochs=1, learning_rate=1e-12, weight_decay=0.0)
     begun, _ = fit(METHOD, small_set, first, tmp_path, start=trained)
     for name, tensor in begun.network.state_dict().items():
         torch.testing.assert_close(tensor, trained.network.state_dict()[name], rtol=0, atol=1e-9)
@@ -479,19 +502,19 @@ def test_a_run_begins_with_a_network_that_is_given(whole, small_set, tmp_path):
     with pytest.raises(ValueError, match="to begin with given"):
         fit(replace(METHOD, base=3), small_set, first, start=trained)
     other = replace(METHOD, weights=Weights(order=False))
-    fit(other, small_set, replace(first, views=5), start=trained)
+    fit(other, small_set, replace(first, training_views=5), start=trained)
 
 
 def test_a_part_of_the_views(small_set):
     data = SynthFringe(small_set, "training")
     for views, images in ((7, 6), (99, len(data) // 3 * 3)):
-        settings = replace(SHORT, epochs=1, views=views, batch=3)
+        settings = replace(SHORT, epochs=1, training_views=views, batch=3)
         _, (row,) = fit(METHOD, small_set, settings)
         assert row["images"] == images
 
 
 CHANGES = [
-    ({"settings": {"rate": 0.007}}, "rate", "0.003", "0.007"),
+    ({"settings": {"learning_rate": 0.007}}, "learning_rate", "0.003", "0.007"),
     ({"settings": {"epochs": 77}}, "epochs", "2", "77"),
     ({"settings": {"augmentation": replace(CAMERA, noise=(0.0, 3.5))}}, "noise", "1.0", "3.5"),
     ({"settings": {"precision": "bfloat16"}}, "precision", "float32", "bfloat16"),
@@ -510,7 +533,7 @@ def test_a_run_is_resumed_with_its_own_settings_alone(whole, small_set, changes,
         fit(method, small_set, settings, out, resume=True)
     said = str(error.value)
     assert name in said and old in said and new in said
-    assert "clip" not in said and "dropout" not in said
+    assert "max_grad_norm" not in said and "dropout" not in said
 
 
 def test_a_run_is_resumed_with_its_own_data_alone(whole, tmp_path):

@@ -2,15 +2,15 @@
 
 import pytest
 
-from fpputil.learning.log import read_history, write_history
+from fpputil.learning.log import read_log, write_log
 
 
 def test_a_log_is_read_as_it_was_written(tmp_path):
     names = ("images", "total", "validation_mae", "validation_order_errors")
     rows = [dict(zip(names, values, strict=True))
             for values in ((16, 0.1 + 0.2, 3.0, 0.5), (32, 1e-9, 1 / 3, 0.0))]  # fmt: skip
-    write_history(tmp_path, rows)
-    assert read_history(tmp_path / "log.csv") == rows
+    write_log(tmp_path, rows)
+    assert read_log(tmp_path / "log.csv") == rows
 
 
 @pytest.mark.parametrize(
@@ -19,4 +19,4 @@ def test_a_log_is_read_as_it_was_written(tmp_path):
 def test_another_table_is_no_log(tmp_path, text):
     (tmp_path / "log.csv").write_text(text)
     with pytest.raises(ValueError, match=f"{tmp_path / 'log.csv'} is no log of a training run"):
-        read_history(tmp_path / "log.csv")
+        read_log(tmp_path / "log.csv")

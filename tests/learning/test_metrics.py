@@ -145,7 +145,7 @@ def test_a_view_without_pixels_adds_nothing():
 
 
 def test_without_a_depth_there_are_no_millimetres():
-    """A rig on which no column moves with depth: NaN, without a warning, never 0."""
+    """A geometry on which no column moves with depth: NaN, without a warning, never 0."""
     found = score_of((0, view([1.0, 2.0], mm=np.zeros(0)))).summary()
     for name in ("mae_mm", "rmse_mm", "median_mm", "no_depth"):
         assert np.isnan(found[name]).all(), name

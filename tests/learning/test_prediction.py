@@ -10,7 +10,13 @@ import torch
 from torch import nn
 
 from fpputil.dataset.store import open_store
-from fpputil.learning.prediction import fringes_seen, oddities, photographs, predict, wanted
+from fpputil.learning.prediction import (
+    check_photographs,
+    expected_photographs,
+    fringes_seen,
+    predict,
+    warnings,
+)
 from fpputil.learning.weights import Trained, load_weights
 from fpputil.networks.methods import DLALNetMethod, PSNetMethod, SFNetMethod, SIDOMethod
 from fpputil.optics.fringes import Fringe
@@ -35,11 +41,11 @@ def shoot(view, *pitches, **camera):
 
 
 def warned(view, tiny, *pitches, about=SFNET, **camera):
-    return oddities(photographs(about, shoot(view, *pitches, **camera), tiny.system))
+    return warnings(check_photographs(about, shoot(view, *pitches, **camera), tiny.system))
 
 
 def test_depth_of_a_sphere(trained, sphere_view, tiny):
-    shown = photographs(trained, shoot(sphere_view, 24, 304), tiny.system)
+    shown = check_photographs(trained, shoot(sphere_view, 24, 304), tiny.system)
     found = predict(trained, shown, precision="float32")
     depth = sphere_view.depth
     at = np.where(sphere_view.mask, depth, 650)
@@ -56,17 +62,17 @@ def test_depth_of_a_sphere(trained, sphere_view, tiny):
 
 
 def test_16_bit_weights_measure_alike(trained, sphere_view, tiny):
-    shown = photographs(trained, shoot(sphere_view, 24, 304), tiny.system)
+    shown = check_photographs(trained, shoot(sphere_view, 24, 304), tiny.system)
     fine, coarse = (predict(trained, shown, "cpu", p) for p in ("float32", "bfloat16"))
     assert np.nanmedian(np.abs(fine.Phi - coarse.Phi)) < 0.05
     assert next(trained.network.parameters()).dtype is torch.float32
 
 
 def test_the_mask_is_that_of_the_modulation_but_for_rims(sphere_view, tiny):
-    shown = photographs(SFNET, shoot(sphere_view, 24, 304), tiny.system)
+    shown = check_photographs(SFNET, shoot(sphere_view, 24, 304), tiny.system)
     found, true = fringes_seen(shown), sphere_view.mask & (sphere_view.shade > 16 / 255)
     assert (found & ~true).sum() < 0.01 * true.sum() and (true & ~found).sum() < 0.05 * true.sum()
-    bright = photographs(SFNET, shoot(sphere_view, 24, 304, ambient=60), tiny.system)
+    bright = check_photographs(SFNET, shoot(sphere_view, 24, 304, ambient=60), tiny.system)
     assert (fringes_seen(bright) ^ found).sum() < 0.02 * true.sum()  # light alone is no fringe
 
 
@@ -76,7 +82,7 @@ def test_views_of_a_dataset_are_not_odd():
     views = [data.view(i) for split in data.splits() for i in data.indices(split)[::8]]
     assert len(views) > 9
     for view in views:
-        assert oddities(photographs(SFNET, shoot(view, 24, 304), data.system)) == []
+        assert warnings(check_photographs(SFNET, shoot(view, 24, 304), data.system)) == []
 
 
 @pytest.mark.parametrize(
@@ -111,7 +117,7 @@ def test_wrong_pitches_name_both(sphere_view, tiny):
 
 
 def test_over_exposure_where_training_was_dark(sphere_view, tiny):
-    dark = replace(SFNET, about=ABOUT | {"extremes": [0.0, 100.0]})
+    dark = replace(SFNET, metadata=ABOUT | {"extremes": [0.0, 100.0]})
     found = warned(sphere_view, tiny, 24, 304, about=dark)
     assert any(f.startswith("over-exposed: crests reach") for f in found)
 
@@ -131,14 +137,14 @@ def test_a_rig_that_lies_on_its_side(sphere_view, tiny):
     K = camera_matrix(system.camera.K[0, 0], 120, 160)
     lying = System(Pinhole(120, 160, K, turn), system.projector, system.z_min, system.z_max)
     view = raycast(sphere(100, (0, 0, 680)), lying)
-    about = replace(SFNET, about=ABOUT | {"camera": [160, 120]})
+    about = replace(SFNET, metadata=ABOUT | {"camera": [160, 120]})
 
     def said(*pitches):
-        return oddities(photographs(about, shoot(view, *pitches), lying))
+        return warnings(check_photographs(about, shoot(view, *pitches), lying))
 
     assert said(24, 304) == [] and "swapped" in said(304, 24)[0]
-    upright = photographs(SFNET, shoot(sphere_view, 24, 304), system)
-    lain = photographs(about, shoot(view, 24, 304), lying)
+    upright = check_photographs(SFNET, shoot(sphere_view, 24, 304), system)
+    lain = check_photographs(about, shoot(view, 24, 304), lying)
     assert lain.axis == 0 and upright.axis == 1
     assert lain.period("high") == pytest.approx(upright.period("high"), rel=0.01)
     np.testing.assert_array_equal(np.rot90(fringes_seen(lain)), fringes_seen(upright))
@@ -156,19 +162,19 @@ def test_a_rig_that_lies_on_its_side(sphere_view, tiny):
 def test_every_method_says_what_it_wants_and_gets_it(method, pitches, sphere_view, tiny):
     torch.manual_seed(0)
     trained = Trained(method, method.network().eval(), ABOUT)
-    assert [text.split()[1] for text in wanted(trained)] == pitches
+    assert [text.split()[1] for text in expected_photographs(trained)] == pitches
     images = [
         sphere_view.frames(Fringe(PITCHES[name], steps), steps=[step])[0]
         for name, steps, step in method.photographs
     ]
-    shown = photographs(trained, images, tiny.system)
-    assert oddities(shown) == []
+    shown = check_photographs(trained, images, tiny.system)
+    assert warnings(shown) == []
     try:
         found = predict(trained, shown)  # of random weights: anything, or nothing in the range
     except ValueError as error:
         assert "none of" in str(error)
     else:
-        assert np.isfinite(found.phi_r).any() == (method.second is not None)
+        assert np.isfinite(found.phi_r).any() == (method.reference is not None)
 
 
 class Far(nn.Module):
@@ -190,7 +196,7 @@ def test_grey_levels_go_in_as_in_the_training(sphere_view, tiny):
     network.register_forward_pre_hook(lambda _, given: seen.append(given[0].numpy()))
     trained = Trained(SFNET.method, network, about)
     try:
-        predict(trained, photographs(trained, images, tiny.system), precision="float32")
+        predict(trained, check_photographs(trained, images, tiny.system), precision="float32")
     except ValueError as error:  # of what it makes of them nothing need be in the range
         assert "none of" in str(error)
     np.testing.assert_allclose(seen[0][0], (np.stack(images) - 10.0) / 200, atol=1e-6)
@@ -198,7 +204,7 @@ def test_grey_levels_go_in_as_in_the_training(sphere_view, tiny):
 
 def test_points_lie_in_the_measuring_range(trained, sphere_view, tiny):
     near = replace(tiny.system, z_max=600.0)
-    found = predict(trained, photographs(trained, shoot(sphere_view, 24, 304), near))
+    found = predict(trained, check_photographs(trained, shoot(sphere_view, 24, 304), near))
     inside = np.isfinite(found.points).all(axis=-1)
     np.testing.assert_array_equal(inside, (found.depth >= 480) & (found.depth <= 600))
     assert 0 < inside.sum() < found.mask.sum()
@@ -206,7 +212,7 @@ def test_points_lie_in_the_measuring_range(trained, sphere_view, tiny):
 
 def test_nothing_in_the_measuring_range_is_an_error(sphere_view, tiny):
     near = replace(tiny.system, z_min=480.0, z_max=480.001)
-    shown = photographs(SFNET, shoot(sphere_view, 24, 304), near)
+    shown = check_photographs(SFNET, shoot(sphere_view, 24, 304), near)
     with pytest.raises(ValueError, match="none of .* has a depth of 480 to 480"):
         predict(replace(SFNET, network=Far()), shown)
 
@@ -239,9 +245,9 @@ def test_what_cannot_be_used_is_an_error(spoil, said, sphere_view, tiny):
     images = shoot(sphere_view, 24, 304)
     spoil(images)
     with pytest.raises(ValueError, match=said):
-        oddities(photographs(SFNET, images, tiny.system))
+        warnings(check_photographs(SFNET, images, tiny.system))
 
 
 def test_weights_without_pitches(sphere_view, tiny):
     with pytest.raises(ValueError, match="do not say for which camera they are"):
-        photographs(replace(SFNET, about={"pitches": PITCHES}), [], tiny.system)
+        check_photographs(replace(SFNET, metadata={"pitches": PITCHES}), [], tiny.system)

@@ -11,7 +11,13 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from fpputil.learning.checkpoint import read_about, restore, save_checkpoint
-from fpputil.learning.weights import Trained, load_weights, record, save_weights
+from fpputil.learning.weights import (
+    Trained,
+    load_weights,
+    read_metrics,
+    save_weights,
+    write_metrics,
+)
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod
 
@@ -34,13 +40,13 @@ def saved(tmp_path, trained):
 
 def about_in(path):
     with safetensors.safe_open(path, "pt") as file:
-        return json.loads(file.metadata()["about"])
+        return json.loads(file.metadata()["metadata"])
 
 
 def rewrite(path, tensors=None, **about):
     """The file again with other tensors, or other entries beside them."""
     text = json.dumps({**about_in(path), **about})
-    save_file(load_file(path) if tensors is None else tensors, path, {"about": text})
+    save_file(load_file(path) if tensors is None else tensors, path, {"metadata": text})
 
 
 @pytest.mark.parametrize("dtype", [torch.float16, torch.float32, torch.bfloat16])
@@ -50,7 +56,7 @@ def test_round_trip(tmp_path, trained, dtype):
     state = torch.get_rng_state()
     back = load_weights(str(path))
     assert torch.equal(state, torch.get_rng_state())  # loading draws nothing
-    assert back.method == METHOD and back.about == ABOUT and not back.network.training
+    assert back.method == METHOD and back.metadata == ABOUT and not back.network.training
     own = trained.network.state_dict()
     assert back.network.state_dict().keys() == own.keys()
     for name, tensor in back.network.state_dict().items():
@@ -91,8 +97,8 @@ def test_a_cut_file(saved, load, share):
 
 @pytest.mark.parametrize(
     "metadata",
-    [None, {"format": "pt"}, {"about": "null"}, {"about": "[]"}, {"about": "7"}, {"about": "{}"},
-     {"about": "{"}, {"about": ""}, {"about": '{"format": "fpputil weights 99"}'}],
+    [None, {"format": "pt"}, *({"metadata": text} for text in ("null", "[]", "7", "{}")),
+     {"metadata": "{"}, {"metadata": ""}, {"metadata": '{"format": "fpputil weights 99"}'}],
 )  # fmt: skip
 @pytest.mark.parametrize("load", [load_weights, read_about])
 def test_a_file_of_another_program(tmp_path, load, metadata):
@@ -135,14 +141,14 @@ def test_a_file_of_another_version(saved):
 
 def test_numbers_are_kept_with_the_network_measured_alone(saved):
     measured = load_weights(saved)
-    record(saved, measured, "test", {"mae_rad": (0.1, 0.0, math.nan), "views": 3})
-    assert about_in(saved)["metrics"] == {"test": {"mae_rad": [0.1, 0.0, None], "views": 3}}
+    write_metrics(saved, measured, "test", {"mae_rad": (0.1, 0.0, math.nan), "views": 3})
+    assert read_metrics(saved) == {"test": {"mae_rad": [0.1, 0.0, None], "views": 3}}
     other = {k: v + 1 for k, v in load_file(saved).items()}
     rewrite(saved, other)
-    before = saved.read_bytes()
+    before = saved.with_suffix(".json").read_bytes()
     with pytest.raises(ValueError, match="no longer the network that was measured"):
-        record(saved, measured, "test", {})
-    assert saved.read_bytes() == before
+        write_metrics(saved, measured, "test", {})
+    assert saved.with_suffix(".json").read_bytes() == before
 
 
 def missing(tensors):
@@ -191,7 +197,7 @@ def test_the_weight_that_does_not_fit_is_named(saved):
     [
         ({"method": "unet"}, "method 'unet' is not known"),
         ({"method": "psnet"}, r"\['base', 'dropout', 'levels'\] needed"),
-        ({"second": "first"}, "second 'first'"),
+        ({"reference": "first"}, "reference 'first'"),
         ({"method": None}, "method None is not known"),
         ({"depth": 3}, "depth"),
         ({"weights": {"phase": 1.0, "focal": 2.0}}, "focal"),

@@ -8,7 +8,7 @@ import torch
 
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding.minimum_phase import two_phase_absolute
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, Weights
 from fpputil.networks.methods import SFNetMethod
 
@@ -20,17 +20,17 @@ SIZE = (5, 7)
 
 def rig_of(Phi_min):
     lowest = {"zmin": torch.as_tensor(Phi_min, dtype=torch.float32)}
-    return Rig(None, PITCHES, lowest, None, (0.0, 255.0))
+    return Geometry(None, PITCHES, lowest, None, (0.0, 255.0))
 
 
-RIG = rig_of(np.random.default_rng(9).uniform(-1, 3, SIZE))
+GEOMETRY = rig_of(np.random.default_rng(9).uniform(-1, 3, SIZE))
 
 
-def ideal(number=3, size=SIZE, seed=0, rig=RIG):
+def ideal(number=3, size=SIZE, seed=0, geometry=GEOMETRY):
     """Truth of random surfaces, float64, and the outputs that fit it."""
     rng = np.random.default_rng(seed)
     shape = (number, *size)
-    Phi_r = rig.lowest["zmin"].numpy().astype(float) + rng.uniform(0.5, TWO_PI - 0.5, shape)
+    Phi_r = geometry.Phi_min["zmin"].numpy().astype(float) + rng.uniform(0.5, TWO_PI - 0.5, shape)
     Phi = RATIO * Phi_r
     M, D = (rng.standard_normal((number, 4, *size)) for _ in "MD")
     M[:, 0], D[:, 0] = -np.sin(Phi), np.cos(Phi)
@@ -53,7 +53,7 @@ def wrapped(x):
     return x - TWO_PI * math.ceil((x - math.pi) / TWO_PI)
 
 
-def by_loops(outputs, truth, rig, method):
+def by_loops(outputs, truth, geometry, method):
     """Eq. 12-15 of one image, pixel after pixel."""
     w = method.weights
     mask, Phi = truth["mask"].numpy(), truth["Phi"].numpy()
@@ -69,7 +69,7 @@ def by_loops(outputs, truth, rig, method):
             wanted = wrapped(float(Phi[p])), truth["phi_r"][p]
         size = abs if w.l1 else lambda e: e**2
         errors.append([size(float(x) - float(y)) for x, y in zip(given, wanted, strict=True)])
-        K_r = math.ceil((float(rig.lowest["zmin"][p]) - low) / TWO_PI)
+        K_r = math.ceil((float(geometry.Phi_min["zmin"][p]) - low) / TWO_PI)
         K_h = round((RATIO * (low + TWO_PI * K_r) - high) / TWO_PI)
         phi_h[p], Phi_found[p] = high, high + TWO_PI * K_h
         residual = Phi_found[p] - float(Phi[p])
@@ -115,10 +115,12 @@ def test_losses_are_those_of_the_equations(method):
     truth["mask"][1, :, 3] = False  # two parts that no difference may cross
     truth["mask"][2] = False
     truth["mask"][2, 2, 2] = True  # a pixel without neighbours
-    found = method.losses(outputs, truth, RIG)
+    found = method.losses(outputs, truth, GEOMETRY)
     assert list(found) == ["phase", "consistency", "geometric", "total"]
     for k in range(len(outputs)):
-        expected = by_loops(outputs[k].numpy(), {n: v[k] for n, v in truth.items()}, RIG, method)
+        expected = by_loops(
+            outputs[k].numpy(), {n: v[k] for n, v in truth.items()}, GEOMETRY, method
+        )
         for name, value in expected.items():
             assert found[name][k].item() == pytest.approx(value, rel=1e-6, abs=1e-9), name
 
@@ -126,16 +128,16 @@ def test_losses_are_those_of_the_equations(method):
 def test_float32_is_near_enough_to_float64():
     truth, outputs = ideal()
     outputs = guess(outputs, spread=0.2)
-    exact = SFNetMethod().losses(outputs, truth, RIG)
+    exact = SFNetMethod().losses(outputs, truth, GEOMETRY)
     single = {k: v if v.dtype == torch.bool else v.float() for k, v in truth.items()}
-    for name, value in SFNetMethod().losses(outputs.float(), single, RIG).items():
+    for name, value in SFNetMethod().losses(outputs.float(), single, GEOMETRY).items():
         assert value.dtype == torch.float32
         torch.testing.assert_close(value.double(), exact[name], rtol=1e-4, atol=1e-5)
 
 
 def test_ideal_outputs_cost_nothing_but_smoothness():
     truth, outputs = ideal()
-    found = SFNetMethod().losses(outputs, truth, RIG)
+    found = SFNetMethod().losses(outputs, truth, GEOMETRY)
     for name in ("phase", "consistency"):
         assert found[name].max() < 1e-9
     assert found["geometric"].min() > 1
@@ -177,7 +179,7 @@ def test_one_weight_of_eq_14_serves_every_size(size):
 
 def gradient(method, outputs, truth, name="total"):
     outputs = outputs.clone().requires_grad_()
-    method.losses(outputs, truth, RIG)[name].sum().backward()
+    method.losses(outputs, truth, GEOMETRY)[name].sum().backward()
     return outputs.grad
 
 
@@ -187,7 +189,7 @@ def test_what_lies_outside_the_mask_reaches_nothing(method, wild):
     truth, outputs = ideal()
     outputs = given_to(method, guess(outputs))
     outside = ~truth["mask"]
-    clean, slopes = method.losses(outputs, truth, RIG), gradient(method, outputs, truth)
+    clean, slopes = method.losses(outputs, truth, GEOMETRY), gradient(method, outputs, truth)
     assert (slopes.movedim(0, 2)[..., outside] == 0).all()
     dirty = {k: v.clone() for k, v in truth.items()}
     for name in ("M_r", "D_r", "phi_r", "Phi"):
@@ -196,7 +198,7 @@ def test_what_lies_outside_the_mask_reaches_nothing(method, wild):
         dirty[name].movedim(0, 1)[:, outside] = wild
     spoilt = outputs.clone()
     spoilt.movedim(0, 2)[..., outside] = -wild
-    for name, value in method.losses(spoilt, dirty, RIG).items():
+    for name, value in method.losses(spoilt, dirty, GEOMETRY).items():
         assert torch.equal(value, clean[name]), name
     assert torch.equal(gradient(method, spoilt, dirty), slopes)
     assert torch.isfinite(slopes).all()
@@ -214,10 +216,10 @@ def test_outputs_of_zero_have_finite_gradients(which):
 def test_a_batch_is_its_images_one_by_one():
     truth, outputs = ideal(4)
     outputs = guess(outputs)
-    together = SFNetMethod().losses(outputs, truth, RIG)
+    together = SFNetMethod().losses(outputs, truth, GEOMETRY)
     for k in range(4):
         one = {n: v[k : k + 1] for n, v in truth.items()}
-        for name, value in SFNetMethod().losses(outputs[k : k + 1], one, RIG).items():
+        for name, value in SFNetMethod().losses(outputs[k : k + 1], one, GEOMETRY).items():
             assert value.shape == (1,) and together[name].shape == (4,)
             torch.testing.assert_close(value[0], together[name][k], rtol=1e-12, atol=0)
 
@@ -226,10 +228,10 @@ def test_an_empty_mask_costs_nothing():
     truth, outputs = ideal(2)
     truth["mask"][0] = False
     outputs = guess(outputs)
-    for value in SFNetMethod().losses(outputs, truth, RIG).values():
+    for value in SFNetMethod().losses(outputs, truth, GEOMETRY).values():
         assert value[0] == 0 and value[1] > 0
     truth["mask"][1] = False
-    for value in SFNetMethod().losses(outputs, truth, RIG).values():
+    for value in SFNetMethod().losses(outputs, truth, GEOMETRY).values():
         assert (value == 0).all()
     assert (gradient(SFNetMethod(), outputs, truth) == 0).all()
 
@@ -256,7 +258,7 @@ def test_where_the_absolute_phase_pushes(order):
     phi_r = truth["Phi"] / RATIO
     phi_r[:, :2] += 1.2 * TWO_PI / RATIO  # the order is one too high in the upper rows
     outputs = torch.stack([torch.stack([-p.sin(), p.cos()], 1) for p in (phi_h, phi_r)], 1)
-    found = SFNetMethod().absolute(outputs, RIG) - truth["Phi"]
+    found = SFNetMethod().absolute_phase(outputs, GEOMETRY) - truth["Phi"]
     k = ((found - off) / TWO_PI)[truth["mask"]]
     torch.testing.assert_close(k, k.round(), rtol=0, atol=1e-6)
     assert {0.0, 1.0} <= set(k.round().tolist())
@@ -269,13 +271,13 @@ def test_where_the_absolute_phase_pushes(order):
 @pytest.mark.parametrize("target", ["components", "phase"])
 @pytest.mark.parametrize("order", [True, False])
 def test_gradients_are_those_of_finite_differences(target, order):
-    rig = rig_of(RIG.lowest["zmin"][:3, :4])
-    truth, outputs = ideal(2, (3, 4), rig=rig)
+    geometry = rig_of(GEOMETRY.Phi_min["zmin"][:3, :4])
+    truth, outputs = ideal(2, (3, 4), geometry=geometry)
     method = SFNetMethod(target=target, weights=Weights(order=order, mean=True))
     outputs = given_to(method, guess(outputs, spread=0.3)).requires_grad_()
 
     def losses(given):
-        return tuple(method.losses(given, truth, rig).values())
+        return tuple(method.losses(given, truth, geometry).values())
 
     assert torch.autograd.gradcheck(losses, (outputs,), eps=1e-7, atol=1e-5, rtol=1e-5)
 
@@ -292,42 +294,44 @@ def items(small_set):
     data = SynthFringe(small_set, "training")
     chosen = [data[k] for k in range(0, len(data), 5)]
     stacked = {k: torch.stack([item[k] for item in chosen]) for k in chosen[0]}
-    return Rig.of(data.store.system, data.pitches), stacked
+    return Geometry.of(data.store.system, data.pitches), stacked
 
 
 def test_ideal_outputs_lead_to_the_decoders_phase(items):
     """M and D of the dataset through method, loss and decoder: one absolute phase."""
-    rig, batch = items
+    geometry, batch = items
     high = torch.stack([batch["M"][:, 0], batch["D"][:, 0]], 1)
     outputs = torch.stack([high, torch.stack([batch["M_r"], batch["D_r"]], 1)], 1)
-    Phi, mask = SFNetMethod().absolute(outputs, rig), batch["mask"]
+    Phi, mask = SFNetMethod().absolute_phase(outputs, geometry), batch["mask"]
     assert (Phi - batch["Phi"])[mask].abs().max() < 1e-3
     phi_h, phi_r = (-np.arctan2(x[:, 0], x[:, 1]) for x in outputs.double().numpy().swapaxes(0, 1))
-    Phi_min = rig.lowest["zmin"].double().numpy()
+    Phi_min = geometry.Phi_min["zmin"].double().numpy()
     decoded = two_phase_absolute(phi_h, phi_r, Phi_min, 24, 304)
     assert np.abs(Phi.numpy() - decoded)[mask].max() < 1e-4
-    losses = SFNetMethod().losses(outputs, batch, rig)
+    losses = SFNetMethod().losses(outputs, batch, geometry)
     assert losses["phase"].max() < 1e-6 and losses["consistency"].max() < 1e-6
 
 
 def test_the_phase_itself_leads_there_too(items):
-    rig, batch = items
+    geometry, batch = items
     high = -torch.atan2(batch["M"][:, 0], batch["D"][:, 0])
     outputs = torch.stack([high, batch["phi_r"]], 1)[:, :, None]
     method = SFNetMethod(target="phase")
-    assert (method.absolute(outputs, rig) - batch["Phi"])[batch["mask"]].abs().max() < 1e-3
-    assert method.losses(outputs, batch, rig)["phase"].max() < 1e-6
+    assert (method.absolute_phase(outputs, geometry) - batch["Phi"])[
+        batch["mask"]
+    ].abs().max() < 1e-3
+    assert method.losses(outputs, batch, geometry)["phase"].max() < 1e-6
 
 
 def test_one_photograph_is_not_enough(items):
     """The control: phi_h with the minimum phase at the high pitch has mostly wrong orders."""
-    rig, batch = items
+    geometry, batch = items
     phi_h = -torch.atan2(batch["M"][:, 0], batch["D"][:, 0])
-    e = (rig.one_photograph(phi_h) - batch["Phi"])[batch["mask"]]
+    e = (geometry.from_one_phase(phi_h) - batch["Phi"])[batch["mask"]]
     assert ((e / TWO_PI) - (e / TWO_PI).round()).abs().max() < 1e-4  # whole orders
     assert (e.abs() > math.pi).float().mean() > 0.5
-    lowest = rig.lowest["high"][batch["mask"].nonzero()[:, 1], batch["mask"].nonzero()[:, 2]]
-    inside = rig.one_photograph(phi_h)[batch["mask"]] - lowest
+    lowest = geometry.Phi_min["high"][batch["mask"].nonzero()[:, 1], batch["mask"].nonzero()[:, 2]]
+    inside = geometry.from_one_phase(phi_h)[batch["mask"]] - lowest
     assert inside.min() > -1e-3 and inside.max() < TWO_PI + 1e-3
 
 

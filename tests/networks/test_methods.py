@@ -8,12 +8,12 @@ import torch
 
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.experiments.recipes import recipe, sized
-from fpputil.learning.config import Settings
+from fpputil.learning.config import TrainingConfig
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.fit import fit
 from fpputil.learning.run import plain
 from fpputil.learning.weights import load_weights
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import (
     METHODS,
@@ -24,15 +24,15 @@ from fpputil.networks.methods import (
     method_of,
     settings_of,
 )
-from fpputil.networks.targets import noiseless, true_second
+from fpputil.networks.targets import noiseless, true_reference
 
 TWO_PI = 2 * math.pi
 SMALL = {"base": 2, "levels": 2}
 ALL = {
     "sfnet": SFNetMethod(**SMALL),
-    "sfnet, zmin": SFNetMethod(second="zmin", **SMALL),
-    "sfnet, mid": SFNetMethod(second="mid", **SMALL),
-    "sfnet, unit": SFNetMethod(second="unit", **SMALL),
+    "sfnet, zmin": SFNetMethod(reference="zmin", **SMALL),
+    "sfnet, mid": SFNetMethod(reference="mid", **SMALL),
+    "sfnet, unit": SFNetMethod(reference="unit", **SMALL),
     "sfnet, 3 frames": SFNetMethod(frames=3, **SMALL),
     "sido": SIDOMethod(**SMALL),
     "sido, no plane": SIDOMethod(plane=False, **SMALL),
@@ -47,7 +47,7 @@ def batch_of(small_set, method, split="training", number=4):
     data = SynthFringe(small_set, split, method.photographs)
     items = [data[k] for k in range(number)]
     stacked = {k: torch.stack([item[k] for item in items]) for k in items[0]}
-    return Rig.of(data.store.system, data.pitches, data.extremes), stacked
+    return Geometry.of(data.store.system, data.pitches, data.extremes), stacked
 
 
 def network(method, seed=0):
@@ -56,7 +56,7 @@ def network(method, seed=0):
         return method.network().eval()
 
 
-def ideal(method, batch, rig):
+def ideal(method, batch, geometry):
     """The outputs that fit the targets, from the wrapped phases and the grey levels alone."""
     phi = -torch.atan2(batch["M"], batch["D"])
     phis = dict(zip(("high", "mid", "zmin", "unit"), phi.unbind(1), strict=True))
@@ -65,14 +65,14 @@ def ideal(method, batch, rig):
     def steps(name, number):
         delta = TWO_PI * torch.arange(number)[:, None, None] / number
         grey = batch["modulation"][:, None] * (1 + (phis[name][:, None] + delta).cos())
-        return (grey - rig.extremes[0]) / (rig.extremes[1] - rig.extremes[0])
+        return (grey - geometry.extremes[0]) / (geometry.extremes[1] - geometry.extremes[0])
 
     if isinstance(method, SIDOMethod):
         return torch.cat([steps("high", 5), (batch["Phi"] * 24 / 912)[:, None]], 1)
     if isinstance(method, PSNetMethod):
         return torch.stack([steps("high", 15), steps("unit", 15)], 1)
     names = (
-        ("high", "mid", "unit") if isinstance(method, DLALNetMethod) else ("high", method.second)
+        ("high", "mid", "unit") if isinstance(method, DLALNetMethod) else ("high", method.reference)
     )
     pairs = [torch.stack([-phis[n].sin(), phis[n].cos()], 1) for n in names]
     return torch.stack(pairs, 1)
@@ -80,32 +80,32 @@ def ideal(method, batch, rig):
 
 @each
 def test_ideal_outputs_are_the_absolute_phase_and_cost_nothing(small_set, method):
-    rig, batch = batch_of(small_set, method)
-    outputs, mask = ideal(method, batch, rig), batch["mask"]
-    assert outputs.shape == network(method)(method.inputs(batch["frames"], rig)).shape
-    off = ((method.absolute(outputs, rig) - batch["Phi"])[mask]).abs()
+    geometry, batch = batch_of(small_set, method)
+    outputs, mask = ideal(method, batch, geometry), batch["mask"]
+    assert outputs.shape == network(method)(method.inputs(batch["frames"], geometry)).shape
+    off = ((method.absolute_phase(outputs, geometry) - batch["Phi"])[mask]).abs()
     assert off.max() < 2e-3
     phi_h, phi = method.phases(outputs)
-    for found, true in ((phi_h, batch["Phi"]), (phi, true_second(method, batch))):
+    for found, true in ((phi_h, batch["Phi"]), (phi, true_reference(method, batch))):
         if true is not None:
             assert (found - true)[mask].cos().min() > 1 - 1e-6
-    losses = method.losses(outputs, batch, rig)
+    losses = method.losses(outputs, batch, geometry)
     assert losses["total"].shape == (4,)
     assert all(v.max() < 1e-5 for k, v in losses.items() if k not in ("geometric", "total"))
 
 
 @each
 def test_nothing_outside_the_mask_reaches_a_loss(small_set, method):
-    rig, batch = batch_of(small_set, method)
-    outputs = network(method)(method.inputs(batch["frames"], rig)).detach().requires_grad_()
+    geometry, batch = batch_of(small_set, method)
+    outputs = network(method)(method.inputs(batch["frames"], geometry)).detach().requires_grad_()
     wild = {k: v.clone() for k, v in batch.items()}
     outside = ~batch["mask"]
     for name in ("M", "D"):
         wild[name].movedim(1, -1)[outside] = math.nan
     for name in ("M_r", "D_r", "phi_r", "Phi", "modulation"):
         wild[name][outside] = math.nan
-    losses = method.losses(outputs, wild, rig)
-    for name, value in method.losses(outputs, batch, rig).items():
+    losses = method.losses(outputs, wild, geometry)
+    for name, value in method.losses(outputs, batch, geometry).items():
         torch.testing.assert_close(losses[name], value)
     losses["total"].sum().backward()
     assert outputs.grad.isfinite().all()
@@ -140,10 +140,10 @@ HIGH, MID, ZMIN, UNIT = range(4)
 )
 def test_each_method_learns_from_targets_of_its_own(small_set, name, channel, learnt_by):
     for label, method in ALL.items():
-        rig, batch = batch_of(small_set, method)
-        outputs = network(method)(method.inputs(batch["frames"], rig))
-        before = method.losses(outputs, batch, rig)["total"]
-        after = method.losses(outputs, changed(batch, name, channel), rig)["total"]
+        geometry, batch = batch_of(small_set, method)
+        outputs = network(method)(method.inputs(batch["frames"], geometry))
+        before = method.losses(outputs, batch, geometry)["total"]
+        after = method.losses(outputs, changed(batch, name, channel), geometry)["total"]
         assert (not torch.equal(before, after)) == (label in learnt_by), label
 
 
@@ -156,13 +156,13 @@ def test_each_method_sees_photographs_of_its_own():
     assert seen["psnet"] == (high, unit) and seen["dlalnet"] == (high, mid, unit)
 
 
-def outputs_differ(method, batch, rig, photograph):
+def outputs_differ(method, batch, geometry, photograph):
     """Whether each second part of the outputs changes with one of the photographs."""
     net = network(method)
     other = batch["frames"].clone()
     other[:, photograph] *= 0.7
     with torch.no_grad():
-        a, b = (net(method.inputs(f, rig)) for f in (batch["frames"], other))
+        a, b = (net(method.inputs(f, geometry)) for f in (batch["frames"], other))
     return [not torch.equal(x, y) for x, y in zip(a.unbind(1), b.unbind(1), strict=True)]
 
 
@@ -179,17 +179,17 @@ def outputs_differ(method, batch, rig, photograph):
     ],
 )
 def test_a_photograph_changes_only_what_it_should(small_set, method, photograph, parts):
-    rig, batch = batch_of(small_set, method)
-    assert outputs_differ(method, batch, rig, photograph) == parts
+    geometry, batch = batch_of(small_set, method)
+    assert outputs_differ(method, batch, geometry, photograph) == parts
 
 
 def test_a_network_of_one_pitch_learns_from_that_pitch_alone(small_set):
     method = ALL["psnet"]
-    rig, batch = batch_of(small_set, method)
+    geometry, batch = batch_of(small_set, method)
     grads = []
     for target in (batch, changed(batch, "M", UNIT)):
         net = network(method)
-        method.losses(net(batch["frames"]), target, rig)["total"].sum().backward()
+        method.losses(net(batch["frames"]), target, geometry)["total"].sum().backward()
         grads.append([[p.grad for p in part.parameters()] for part in net.nets])
     (high, unit), (high_after, unit_after) = grads
     assert all(map(torch.equal, high, high_after))
@@ -198,21 +198,21 @@ def test_a_network_of_one_pitch_learns_from_that_pitch_alone(small_set):
 
 def test_the_plane_is_what_the_camera_sees_of_z_max(small_set):
     method = ALL["sido"]
-    rig, batch = batch_of(small_set, method)
-    _, plane = method.inputs(batch["frames"], rig).unbind(1)
+    geometry, batch = batch_of(small_set, method)
+    _, plane = method.inputs(batch["frames"], geometry).unbind(1)
     assert torch.equal(plane[0], plane[3])
-    columns = rig.system.columns_at(rig.system.z_max)
+    columns = geometry.system.columns_at(geometry.system.z_max)
     lit = (columns > -0.5) & (columns < 911.5)
     assert 0 < (~lit).sum() < 0.1 * lit.size
-    dark = (0 - rig.extremes[0]) / (rig.extremes[1] - rig.extremes[0])
+    dark = (0 - geometry.extremes[0]) / (geometry.extremes[1] - geometry.extremes[0])
     assert (plane[0].numpy()[~lit] == np.float32(dark)).all()
-    low, high = rig.extremes
+    low, high = geometry.extremes
     light = 255 / 2 * (1 + np.cos(TWO_PI * columns / 24))
     np.testing.assert_allclose(
         plane[0].numpy()[lit], ((light - low) / (high - low))[lit], atol=2e-4
     )
     without = ALL["sido, no plane"]
-    assert torch.equal(without.inputs(batch["frames"], rig), batch["frames"])
+    assert torch.equal(without.inputs(batch["frames"], geometry), batch["frames"])
 
 
 @pytest.mark.parametrize("name", ["high", "mid", "unit"])
@@ -220,19 +220,21 @@ def test_photographs_as_targets_are_those_of_the_renderer(small_set, name):
     """Within the rounding to whole grey levels, where nothing saturates."""
     data = SynthFringe(small_set, "training", [(name, 5, k) for k in range(5)])
     batch = {k: v[None] for k, v in data[3].items()}
-    rig = Rig.of(data.store.system, data.pitches, data.extremes)
-    found, mask = noiseless(batch, name, 5, rig), batch["mask"]
-    grey = (found - batch["frames"]).movedim(1, -1)[mask] * (rig.extremes[1] - rig.extremes[0])
+    geometry = Geometry.of(data.store.system, data.pitches, data.extremes)
+    found, mask = noiseless(batch, name, 5, geometry), batch["mask"]
+    grey = (found - batch["frames"]).movedim(1, -1)[mask] * (
+        geometry.extremes[1] - geometry.extremes[0]
+    )
     assert grey.abs().max() < 1.2 and grey.abs().mean() < 0.4
 
 
 def test_losses_of_photographs_against_loops(small_set):
     for method in (ALL["sido"], ALL["psnet"]):
-        rig, batch = batch_of(small_set, method, number=2)
-        outputs = network(method)(method.inputs(batch["frames"], rig)).detach().double()
+        geometry, batch = batch_of(small_set, method, number=2)
+        outputs = network(method)(method.inputs(batch["frames"], geometry)).detach().double()
         batch = {k: v.double() if v.is_floating_point() else v for k, v in batch.items()}
-        found = method.losses(outputs, batch, rig)
-        low, high = rig.extremes
+        found = method.losses(outputs, batch, geometry)
+        low, high = geometry.extremes
         for k, (out, mask) in enumerate(zip(outputs.numpy(), batch["mask"].numpy(), strict=True)):
             frames, steps, coarse = [], [], []
             for v, u in np.argwhere(mask):
@@ -294,13 +296,15 @@ def test_wrong_settings_are_named(kind, options):
 def test_it_learns_and_is_measured_as_it_was_saved(small_set, tmp_path, name):
     """A few steps lower the loss; the file has the method, the split its photographs."""
     method = ALL[name]
-    settings = Settings(epochs=3, rate=5e-3, schedule="one-cycle", validate=2, precision="float32")
+    settings = TrainingConfig(
+        epochs=3, learning_rate=5e-3, schedule="one-cycle", validation_views=2, precision="float32"
+    )
     _, history = fit(method, small_set, settings, tmp_path)
     assert history[-1]["total"] < history[0]["total"]
     trained = load_weights(tmp_path / "weights.safetensors")
     assert trained.method == method
     both, alone = evaluate(trained, open_split(trained, small_set, "test"))
     measures = both.summary()
-    assert ("mae_low" in measures) == (method.second is not None)
+    assert ("mae_low" in measures) == (method.reference is not None)
     assert 0 < measures["mae_high"][0] < math.pi
     assert alone.summary()["order_errors"][0] > 0.5

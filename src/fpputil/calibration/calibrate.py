@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fpputil.calibration.board import Board, spacing
-from fpputil.calibration.determined import doubtful
+from fpputil.calibration.determined import poorly_determined
 from fpputil.calibration.sampling import light_at
-from fpputil.calibration.stereo import Bundle, Sighting, fit_bundle
+from fpputil.calibration.stereo import BoardView, StereoFit, calibrate_pair
 from fpputil.checks import positive, whole
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.system import System
@@ -128,7 +128,7 @@ def calibrate(
     seen, rejected = _sightings(board, poses)
     while True:
         _enough(seen, rejected, len(poses))
-        fit = fit_bundle(
+        fit = calibrate_pair(
             list(seen.values()), size, tuple(map(int, projector)), lens, projector_lens
         )
         name, reason = _worst(fit, list(seen))
@@ -138,7 +138,7 @@ def calibrate(
         del seen[name]
     errors = [dict(zip(seen, e.tolist(), strict=True)) for e in fit.errors]
     system = System(*_pinholes(fit, size, projector), float(z_min), float(z_max))
-    doubts = doubtful(fit, list(seen.values()), system)
+    doubts = poorly_determined(fit, list(seen.values()), system)
     return Calibration(system, *errors, rejected, fit.sigma, doubts)
 
 
@@ -174,7 +174,7 @@ def _sightings(board, poses):
     return seen, rejected
 
 
-def _sighting(board: Board, pose: Pose) -> Sighting:
+def _sighting(board: Board, pose: Pose) -> BoardView:
     which, pixels = board.find(pose.plain)
     weight = np.asarray(pose.plain, np.float64) / np.max(pose.plain)
     maps = (np.where(np.isfinite(m), m, np.nan) for m in (pose.column, pose.row))
@@ -184,7 +184,7 @@ def _sighting(board: Board, pose: Pose) -> Sighting:
         raise ValueError(
             f"{known.sum()} of {len(known)} points are lit by fringes; {LEAST_POINTS} are needed"
         )
-    return Sighting(board.points[which[known]], pixels[known], light[known])
+    return BoardView(board.points[which[known]], pixels[known], light[known])
 
 
 def _enough(seen, rejected, number):
@@ -199,7 +199,7 @@ def _enough(seen, rejected, number):
         )
 
 
-def _worst(fit: Bundle, names) -> tuple[str, str | None]:
+def _worst(fit: StereoFit, names) -> tuple[str, str | None]:
     """The pose that fits worst, and why it has to go, or None."""
     limits = np.maximum(OUTLIER * np.median(fit.errors, axis=1), CLEAR)
     over = fit.errors / limits[:, None]
@@ -212,7 +212,7 @@ def _worst(fit: Bundle, names) -> tuple[str, str | None]:
     )
 
 
-def _pinholes(fit: Bundle, *sizes):
+def _pinholes(fit: StereoFit, *sizes):
     poses = (np.eye(3), np.zeros(3)), (fit.R, fit.t)
     for lens, size, (R, t) in zip(fit.lenses, sizes, poses, strict=True):
         K = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fpputil.calibration.stereo import Bundle, Sighting
+from fpputil.calibration.stereo import BoardView, StereoFit
 from fpputil.optics.system import System
 
 FEW_POSES = 8
@@ -17,7 +17,7 @@ LEAST_COVER = 0.3  # share of the camera's picture
 LEAST_SURE = 0.005  # relative standard deviation of a focal length
 
 
-def doubtful(fit: Bundle, seen: Sequence[Sighting], system: System) -> tuple[str, ...]:
+def poorly_determined(fit: StereoFit, seen: Sequence[BoardView], system: System) -> tuple[str, ...]:
     """Why the poses may not determine the system that was fitted to them, in sentences."""
     found = []
     normals = Rotation.from_rotvec(fit.poses[:, :3]).as_matrix()[:, :, 2]

@@ -23,7 +23,7 @@ RIM = 7  # points along each edge of the target that must be in the pictures
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class PlacedBoard:
     """A picture on a flat board at a pose.
 
     Parameters
@@ -92,7 +92,7 @@ class Target:
         return self.dark + (self.bright - self.dark) * ink / 255.0
 
 
-def board_poses(
+def place_boards(
     number: int,
     seed: int,
     system: System,

@@ -16,7 +16,7 @@ SURE = 1e-3  # pixels: no fit is weighted as if it were better
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class BoardView:
     """Points of a board at one pose, seen by camera and projector.
 
     Parameters
@@ -33,7 +33,7 @@ class Sighting:
 
 
 @dataclass(frozen=True, eq=False)
-class Bundle:
+class StereoFit:
     """What the joint fit found.
 
     Parameters
@@ -59,7 +59,7 @@ class Bundle:
     sigma: dict[str, float]
 
 
-def zhang(seen: Sequence[Sighting], who: str, size: tuple[int, int], lens: int):
+def calibrate_pinhole(seen: Sequence[BoardView], who: str, size: tuple[int, int], lens: int):
     """One pinhole alone from a flat board at several poses (Zhang's method, OpenCV).
 
     Parameters
@@ -104,13 +104,13 @@ def _need(who):
     return f"they do not determine the {who}: tilt the board in several directions"
 
 
-def fit_bundle(
-    seen: Sequence[Sighting],
+def calibrate_pair(
+    seen: Sequence[BoardView],
     camera: tuple[int, int],
     projector: tuple[int, int],
     lens: int = 4,
     projector_lens: int = 4,
-) -> Bundle:
+) -> StereoFit:
     """Fit both pinholes, the pose between them and all boards to all points at once. Chapter 12.
 
     Each pinhole's residuals are weighted by the inverse of their RMS when it is fitted alone.
@@ -132,7 +132,7 @@ def fit_bundle(
         if count not in COUNTS:
             raise ValueError(f"{count} distortion coefficients given; 0, 1, 2, 4 or 5 can be free")
     alone = [
-        zhang(seen, who, size, count)
+        calibrate_pinhole(seen, who, size, count)
         for who, size, count in (
             ("camera", camera, lens),
             ("projector", projector, projector_lens),
@@ -196,7 +196,7 @@ def _covariance(fit, free):
     return full
 
 
-def _bundle(x, seen, covariance) -> Bundle:
+def _bundle(x, seen, covariance) -> StereoFit:
     square = (_off(x, seen) ** 2).sum(axis=-1)
     ends = np.cumsum([len(s.points) for s in seen])[:-1]
     errors = [[np.sqrt(part.mean()) for part in np.split(each, ends)] for each in square]
@@ -204,7 +204,7 @@ def _bundle(x, seen, covariance) -> Bundle:
     sigma = np.sqrt(np.diag(covariance)[:18])
     along = t / np.linalg.norm(t)
     names = [f"{who} {name}" for who in ("camera", "projector") for name in LENS]
-    return Bundle(
+    return StereoFit(
         lenses=x[:18].reshape(2, 9),
         R=Rotation.from_rotvec(x[18:21]).as_matrix(),
         t=t,

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from fpputil.capture.gamma import LEAST_STEPS, harmonic, linear
+from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.marking import Reason
-from fpputil.capture.measurement import Scan
+from fpputil.capture.measurement import Measurement
 from fpputil.capture.photographs import Capture
 from fpputil.capture.steps import exchanged, misfits, strong
 
@@ -37,7 +37,7 @@ FOLLOW = {
 """Doubts that another one explains, and that are not told beside it."""
 
 
-class Doubt(NamedTuple):
+class Finding(NamedTuple):
     """One finding.
 
     Parameters
@@ -56,7 +56,7 @@ class Doubt(NamedTuple):
     remedy: str
 
 
-def doubts(scan: Scan, capture: Capture) -> list[Doubt]:
+def diagnose(scan: Measurement, capture: Capture) -> list[Finding]:
     """All that speaks against a scan, the severe first. Chapter 12."""
     checks = (_repeated, _frequencies, _offset, _saturation, _projector, _response, _orders,
               _darkness, _contrast, _noise)  # fmt: skip
@@ -67,7 +67,7 @@ def doubts(scan: Scan, capture: Capture) -> list[Doubt]:
     return sorted(found, key=lambda doubt: not doubt.severe)
 
 
-def frequencies(scan: Scan) -> np.ndarray:
+def local_frequencies(scan: Measurement) -> np.ndarray:
     """Median local frequency of each pitch across the picture, radians a pixel, (P,); signed.
 
     From left to right for fringes along columns, downwards for those along rows. Above pi a
@@ -86,41 +86,41 @@ def frequencies(scan: Scan) -> np.ndarray:
     return np.array(found)
 
 
-def _name(scan: Scan, k: int) -> str:
+def _name(scan: Measurement, k: int) -> str:
     return f"pitch {scan.fringes[k].pitch:g} along the {scan.axis}s"
 
 
-def _repeated(scan, capture) -> Iterator[Doubt]:
+def _repeated(scan, capture) -> Iterator[Finding]:
     """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
     numbers = [k for k, f in enumerate(capture.patterns.fringes) if f.axis == scan.axis]
     for k, (frames, number) in enumerate(zip(scan.sample, numbers, strict=True)):
-        frames = strong(linear(frames, scan.power))
+        frames = strong(linearise(frames, scan.power))
         if frames.shape[1] < 20:
             continue
         files = [shot.file for shot in capture.of(number)]
         bad, pair = misfits(frames), exchanged(frames)
         if pair:
-            yield Doubt(
+            yield Finding(
                 "exchanged", True, f"{files[pair[0]]} and {files[pair[1]]} are exchanged",
                 "exchange their names",
             )  # fmt: skip
         elif bad:
             names = ", ".join(files[n] for n in bad)
-            yield Doubt(
+            yield Finding(
                 "frame", True, f"{names}: does not fit the other steps of {_name(scan, k)}",
                 "photograph again: a trigger was missed, a step was shown twice or too late, or "
                 "the light changed",
             )  # fmt: skip
 
 
-def _frequencies(scan, capture) -> Iterator[Doubt]:
+def _frequencies(scan, capture) -> Iterator[Finding]:
     """What the local frequencies tell of the pitches and of the direction."""
-    found = frequencies(scan)
+    found = local_frequencies(scan)
     yield from _pitches(scan, np.abs(found))
     yield from _direction(scan, capture, found)
 
 
-def _pitches(scan, found) -> Iterator[Doubt]:
+def _pitches(scan, found) -> Iterator[Finding]:
     """Fringes whose pictures are as coarse as another one's should be."""
     lit = scan.reason != Reason.DARK
     if lit.sum() < 1000 or np.median(scan.modulation[:, lit]) < 16:
@@ -140,44 +140,44 @@ def _pitches(scan, found) -> Iterator[Doubt]:
     best = min(permutations(declared), key=off) if len(declared) <= 6 else tuple(declared)
     shown = ", ".join(f"{p:g}" for p in declared)
     if off(np.array(best)) < limit:
-        yield Doubt(
+        yield Finding(
             "swapped", True, f"the fringes called {shown} look like "
             + ", ".join(f"{p:g}" for p in best),
             "exchange the names of the photographs, or the pitches in the pattern file",
         )  # fmt: skip
     else:
         seen = ", ".join(f"{declared[0] * found[0] / f:.3g}" for f in found)
-        yield Doubt(
+        yield Finding(
             "pitch", True, f"pitches {shown} along the {scan.axis}s are given; the photographs "
             f"show {seen}, if the first is right", "give the pitches that were projected",
         )  # fmt: skip
 
 
-def _direction(scan, capture, found) -> Iterator[Doubt]:
+def _direction(scan, capture, found) -> Iterator[Finding]:
     """Phases that fall where projector coordinates should grow."""
     clear = np.abs(found) > 1e-3
     if not clear.any() or np.median(np.sign(found[clear])) > 0:
         return
     way = "from right to left" if scan.axis == "column" else "upwards"
-    yield Doubt(
+    yield Finding(
         "direction", True, f"the projector's {scan.axis}s grow {way} in the picture",
         f"give shift {-capture.patterns.shift}: the steps go the other way; if they do not, the "
         "projector or the camera is mirrored or upside down: set it right, or use --accept",
     )  # fmt: skip
 
 
-def _offset(scan, capture) -> Iterator[Doubt]:
+def _offset(scan, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
     for k, (offset, sharpness) in enumerate(zip(scan.offsets, scan.sharpness, strict=True)):
         pair = f"{_name(scan, k)} and pitch {scan.fringes[k + 1].pitch:g}"
         if sharpness > SURE and abs(offset) > OFFSET:
-            yield Doubt(
+            yield Finding(
                 "offset", True, f"the phases of {pair} are apart by {offset:+.2f} of an order "
                 "everywhere", "check that both begin with step 0 and have the steps that were "
                 "projected",
             )  # fmt: skip
         elif sharpness < SURE / 2 and (scan.reason != Reason.DARK).any():
-            yield Doubt(
+            yield Finding(
                 "disagree", True, f"the phases of {pair} do not belong together",
                 "check pitches, their order, the direction of the shift and the unwrapping; or "
                 "the noise is far too high for these pitches",
@@ -189,16 +189,16 @@ def _share(scan, reason) -> float:
     return float((scan.reason == reason).sum() / max(lit, 1))
 
 
-def _saturation(scan, capture) -> Iterator[Doubt]:
+def _saturation(scan, capture) -> Iterator[Finding]:
     share = _share(scan, Reason.SATURATED)
     if share > SHARE:
-        yield Doubt(
+        yield Finding(
             "saturated", share > 0.5, f"the camera is saturated at {share:.0%} of the lit pixels",
             "expose less, or close the aperture, until no fringe reaches full scale",
         )  # fmt: skip
 
 
-def _projector(scan, capture) -> Iterator[Doubt]:
+def _projector(scan, capture) -> Iterator[Finding]:
     """Fringes whose bright halves are flat although the camera is not saturated."""
     for k, frames in enumerate(scan.sample):
         if len(frames) < 6:
@@ -209,7 +209,7 @@ def _projector(scan, capture) -> Iterator[Doubt]:
             continue
         bright = (frames[:, use] > high[use] - 0.04 * (high - low)[use] - 1).mean()
         if bright > 0.24 + 0.5 / len(frames):
-            yield Doubt(
+            yield Finding(
                 "clipped", True, f"the bright halves of {_name(scan, k)} are flat, below the "
                 "camera's full scale", "the projector is saturated: lower its brightness and "
                 "contrast to their neutral values, or project with less amplitude",
@@ -217,18 +217,18 @@ def _projector(scan, capture) -> Iterator[Doubt]:
             return
 
 
-def _response(scan, capture) -> Iterator[Doubt]:
+def _response(scan, capture) -> Iterator[Finding]:
     """A second harmonic, where a pitch has too few steps for it to fall out."""
     if min(f.steps for f in scan.fringes) >= LEAST_STEPS:
         return
     for frames in scan.sample:
-        frames = linear(frames, scan.power)
+        frames = linearise(frames, scan.power)
         if len(frames) < LEAST_STEPS:
             continue
         use = (np.ptp(frames, axis=0) > 40) & (frames.max(axis=0) < 0.97 * 255)
-        second = harmonic(frames[:, use], 2) if use.sum() > 20 else 0.0
+        second = harmonic_ratio(frames[:, use], 2) if use.sum() > 20 else 0.0
         if abs(second) > HARMONIC:
-            yield Doubt(
+            yield Finding(
                 "response", False, f"the response is not linear: the second harmonic is "
                 f"{second:+.1%} of the fringe", "give --power, from a capture of five steps or "
                 "more with the same setup; with three or four steps it turns the phase by about "
@@ -237,43 +237,43 @@ def _response(scan, capture) -> Iterator[Doubt]:
             return
 
 
-def _orders(scan, capture) -> Iterator[Doubt]:
+def _orders(scan, capture) -> Iterator[Finding]:
     share = _share(scan, Reason.UNSURE)
     if share > SHARE:
-        yield Doubt(
+        yield Finding(
             "orders", False, f"the order is a guess at {share:.0%} of the lit pixels",
             "take more steps at the long pitches, or a pitch between two that are far apart",
         )  # fmt: skip
 
 
-def _darkness(scan, capture) -> Iterator[Doubt]:
+def _darkness(scan, capture) -> Iterator[Finding]:
     dark = (scan.reason == Reason.DARK).mean()
     modulation = scan.modulation.min(axis=0)
     level = float(np.median(modulation[scan.reason != Reason.DARK])) if dark < 1 else 0.0
     if dark > 0.98 or level < 20 and _share(scan, Reason.SATURATED) < 0.5:
-        yield Doubt(
+        yield Finding(
             "dark", not scan.mask.any(), f"{1 - dark:.1%} of the pixels are lit, with a median "
             f"modulation of {level:.0f} grey levels",
             "expose longer, open the aperture, or darken the room",
         )  # fmt: skip
 
 
-def _contrast(scan, capture) -> Iterator[Doubt]:
+def _contrast(scan, capture) -> Iterator[Finding]:
     lit = scan.reason != Reason.DARK
     if not lit.any():
         return
     contrast = float(np.median(scan.modulation[scan.finest][lit] / scan.average[lit]))
     if contrast < 0.3:
-        yield Doubt(
+        yield Finding(
             "contrast", False, f"the modulation of the finest pitch is {contrast:.0%} of the "
             "light: the rest is noise without use", "darken the room, focus the projector and the "
             "camera on the object, or project a longer pitch",
         )  # fmt: skip
 
 
-def _noise(scan, capture) -> Iterator[Doubt]:
+def _noise(scan, capture) -> Iterator[Finding]:
     if not scan.noise.known:
-        yield Doubt(
+        yield Finding(
             "noise", False, "so few steps do not tell the noise, nor whether the response is "
             "linear; the uncertainty counts the rounding of grey levels alone", "take five steps "
             "or more at one pitch, or give --noise and --power",

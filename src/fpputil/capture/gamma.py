@@ -18,7 +18,7 @@ LEAST_STEPS = 5
 """With four steps or fewer the second harmonic cannot be told from the fringe or from itself."""
 
 
-def linear(frames, power: float, full: float = WHITE):
+def linearise(frames, power: float, full: float = WHITE):
     """Photographs whose light was raised to a power, made linear: ``255 (I / full) ** power``.
 
     Parameters
@@ -40,7 +40,7 @@ def linear(frames, power: float, full: float = WHITE):
     return (WHITE * (np.maximum(frames, 0) / full) ** power).astype(np.float32)
 
 
-def harmonic(frames: np.ndarray, order: int) -> float:
+def harmonic_ratio(frames: np.ndarray, order: int) -> float:
     """Strength of a harmonic in photographs of a fringe, over that of the fringe. Chapter 12.
 
     Parameters
@@ -66,7 +66,7 @@ def harmonic(frames: np.ndarray, order: int) -> float:
     return float((along * size).sum() / (size**2).sum())
 
 
-def estimate_power(frames: np.ndarray, full: float = WHITE) -> float:
+def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
     """The power that makes photographs of a fringe linear. Chapter 12.
 
     Parameters
@@ -91,10 +91,12 @@ def estimate_power(frames: np.ndarray, full: float = WHITE) -> float:
             f"frames of shape {frames.shape} given; (steps, pixels) are needed, {LEAST_STEPS} "
             "steps or more of at least one pixel"
         )
-    ends = [harmonic(linear(frames, p, full), 2) for p in POWERS]
+    ends = [harmonic_ratio(linearise(frames, p, full), 2) for p in POWERS]
     if not ends[0] < 0 < ends[1]:
         raise ValueError(
             f"the second harmonic is {ends[0]:.3f} to {ends[1]:.3f} of the fringe for powers "
             f"{POWERS[0]} to {POWERS[1]}: no power takes it away; give one, or 1"
         )
-    return float(brentq(lambda p: harmonic(linear(frames, p, full), 2), *POWERS, xtol=1e-4))
+    return float(
+        brentq(lambda p: harmonic_ratio(linearise(frames, p, full), 2), *POWERS, xtol=1e-4)
+    )

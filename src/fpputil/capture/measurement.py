@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpputil.capture.gamma import LEAST_STEPS, estimate_power, linear
+from fpputil.capture.gamma import LEAST_STEPS, estimate_gamma, linearise
 from fpputil.capture.marking import Reason
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Noise, judge, noise_of
@@ -30,7 +30,7 @@ LINEAR = 0.04
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class Measurement:
     """What the fringes along one axis tell.
 
     Parameters
@@ -87,7 +87,7 @@ class Scan:
         return self.Phi * np.float32(self.fringes[self.finest].pitch / unwrap.TWO_PI)
 
 
-def scan(
+def measure(
     capture: Capture,
     axis: str = "column",
     *,
@@ -96,7 +96,7 @@ def scan(
     noise: float | None = None,
     system: System | None = None,
     each: Callable[[int], None] | None = None,
-) -> Scan:
+) -> Measurement:
     """Decode the fringes along an axis. Chapter 12.
 
     Parameters
@@ -171,7 +171,7 @@ def _fringe(capture: Capture, k: int, power: float, each=None) -> tuple[Sums, np
         if power == 1:
             total.add(frames, steps, capture.scale, capture.full)
         else:
-            total.add(linear(frames, power, capture.full), steps)
+            total.add(linearise(frames, power, capture.full), steps)
         if each is not None:
             each(len(shots))
     return total, np.concatenate(kept)
@@ -182,7 +182,7 @@ def _power(frames: np.ndarray) -> float:
     if len(frames) < LEAST_STEPS:
         return 1.0
     try:
-        power = estimate_power(frames[:, _lit(frames)])
+        power = estimate_gamma(frames[:, _lit(frames)])
     except ValueError:  # which a doubt about the response then tells
         return 1.0
     return 1.0 if abs(np.log(power)) < LINEAR else power
@@ -195,12 +195,12 @@ def _lit(frames) -> np.ndarray:
     return (modulation > 2 * THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
 
 
-def _judged(sums, sample, unwrapped, patterns, axis, threshold, power, noise) -> Scan:
+def _judged(sums, sample, unwrapped, patterns, axis, threshold, power, noise) -> Measurement:
     fringes = tuple(s.fringe for s in sums)
     finest = int(np.argmin([f.pitch for f in fringes]))
     wrapped = np.stack([s.wrapped for s in sums])
     modulation = np.stack([s.modulation for s in sums])
-    straight = [linear(f, power) for f in sample]
+    straight = [linearise(f, power) for f in sample]
     found = noise_of(straight, threshold) if noise is None else Noise(noise**2, 0.0, True)
     levels = unwrapped(wrapped)
     judged = judge(
@@ -211,7 +211,7 @@ def _judged(sums, sample, unwrapped, patterns, axis, threshold, power, noise) ->
         np.where(good, a[finest], np.nan).astype(np.float32)
         for a in (levels[0].Phis, judged.sigmas)
     )
-    return Scan(
+    return Measurement(
         axis, fringes, finest, wrapped, modulation, sums[finest].average, Phi, sigma,
         judged.reason, judged.offsets, judged.sharpness, found, power, sample,
     )  # fmt: skip

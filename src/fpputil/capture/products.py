@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fpputil.capture.measurement import Scan
+from fpputil.capture.measurement import Measurement
 from fpputil.decoding.triangulation import depth_of, triangulate
 from fpputil.decoding.unwrap import TWO_PI
 from fpputil.files import write_whole
@@ -17,7 +17,7 @@ TOP = 65535
 PLAIN = (cv2.IMWRITE_TIFF_COMPRESSION, 1)  # phases and modulations hardly shrink, and take long
 
 
-def arrays(scan: Scan) -> dict[str, np.ndarray]:
+def arrays(scan: Measurement) -> dict[str, np.ndarray]:
     """Arrays of a scan by name: float32 with NaN outside the mask, but for mask and reason."""
     inside = {"wrapped": scan.wrapped, "Phi": scan.Phi, "sigma": scan.sigma}
     inside["coordinate"] = scan.coordinate
@@ -63,7 +63,7 @@ def save_pictures(folder: Path, found: dict[str, np.ndarray]) -> dict[str, dict]
     return scales
 
 
-def measure(scan: Scan, system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def measured_points(scan: Measurement, system: System) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points, depth and its uncertainty of a scan of vertical fringes. Chapter 12.
 
     Returns

@@ -13,9 +13,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from fpputil import plotting
-from fpputil.capture.diagnosis import Doubt
+from fpputil.capture.diagnosis import Finding
 from fpputil.capture.marking import Reason
-from fpputil.capture.measurement import Scan
+from fpputil.capture.measurement import Measurement
 from fpputil.decoding.phase import THRESHOLD
 
 PIXELS = 480  # of the longer side of a picture on the page
@@ -34,7 +34,7 @@ table{border-collapse:collapse;margin:1rem 0}td,th{text-align:left;padding:.2rem
 img{max-width:100%}.severe{color:#b30000}.fine{color:#1e7d32}"""
 
 
-def page(title: str, scans: Sequence[Scan], found: Sequence[Doubt], depth=None) -> str:
+def page(title: str, scans: Sequence[Measurement], found: Sequence[Finding], depth=None) -> str:
     """The report as one HTML page without any other file. Chapter 12.
 
     Parameters
@@ -59,7 +59,7 @@ def page(title: str, scans: Sequence[Scan], found: Sequence[Doubt], depth=None) 
     )
 
 
-def overview(scan: Scan, depth=None) -> Figure:
+def overview(scan: Measurement, depth=None) -> Figure:
     """Photograph, grey levels, modulation, phases, uncertainty and what is not in the mask.
 
     Parameters
@@ -89,7 +89,7 @@ def overview(scan: Scan, depth=None) -> Figure:
     return fig
 
 
-def _levels(ax, scan: Scan) -> None:
+def _levels(ax, scan: Measurement) -> None:
     """How often each grey level occurs, per pitch."""
     for frames, fringe in zip(scan.sample, scan.fringes, strict=True):
         lit = np.ptp(frames, axis=0) > 2 * THRESHOLD
@@ -106,7 +106,7 @@ def _levels(ax, scan: Scan) -> None:
     ax.legend(fontsize=7)
 
 
-def _modulations(ax, scan: Scan) -> None:
+def _modulations(ax, scan: Measurement) -> None:
     for B, fringe in zip(scan.modulation, scan.fringes, strict=True):
         ax.hist(B.ravel(), 64, range=(0, 128), histtype="step", label=f"pitch {fringe.pitch:g}")
     ax.set(xlabel="modulation, grey levels", title="modulation", yscale="log", xlim=(0, 128))
@@ -121,7 +121,7 @@ def _suspects(ax, reason) -> None:
     ax.grid(False)
 
 
-def _profile(ax, scan: Scan) -> None:
+def _profile(ax, scan: Measurement) -> None:
     line = int(np.argmax(scan.mask.sum(axis=1)))
     ax.plot(scan.coordinate[line])
     ax.set(xlabel="camera column", ylabel=f"projector {scan.axis}", title=f"row {line}")
@@ -152,8 +152,8 @@ def _doubts(found) -> str:
 
 
 def _numbers(scans) -> str:
-    names = list(figures(scans[0]))
-    columns = [figures(scan) for scan in scans]
+    names = list(report_numbers(scans[0]))
+    columns = [report_numbers(scan) for scan in scans]
     head = "".join(f"<th>{scan.axis}s</th>" for scan in scans)
     rows = "".join(
         f"<tr><td>{name}</td>{''.join(f'<td>{c[name]}</td>' for c in columns)}</tr>"
@@ -162,7 +162,7 @@ def _numbers(scans) -> str:
     return f"<table><tr><th></th>{head}</tr>{rows}</table>"
 
 
-def figures(scan: Scan) -> dict[str, str]:
+def report_numbers(scan: Measurement) -> dict[str, str]:
     """What the page says in numbers, as text by name."""
     mask, reason = scan.mask, scan.reason
     lit = max(int((reason != Reason.DARK).sum()), 1)

@@ -50,9 +50,11 @@ def _by_minimum(pitches, axis, system, size) -> Callable:
     Phi_min = minimum_phase(system, pitches[0]).astype(np.float32)
 
     def levels(wrapped):
-        Phi = [unwrap.absolute(wrapped[0], zmin_order(wrapped[0], Phi_min))]
+        Phi = [unwrap.absolute_phase(wrapped[0], zmin_order(wrapped[0], Phi_min))]
         for phi, longer, pitch in zip(wrapped[1:], pitches, pitches[1:], strict=False):
-            Phi.append(unwrap.absolute(phi, unwrap.fringe_order(phi, Phi[-1], longer / pitch)))
+            Phi.append(
+                unwrap.absolute_phase(phi, unwrap.fringe_order(phi, Phi[-1], longer / pitch))
+            )
         return [unwrap.Level(pitches, Phi, [])]
 
     return levels

@@ -18,7 +18,7 @@ LEVELS = 256  # of the pictures that `Patterns` gives to the projector
 DARK = 1e-9  # exposure that leaves nothing of the projector's light
 
 
-def photographs(
+def photograph(
     view: View, patterns: Patterns, system: System, seed: int = 0, response: float = 1.0, **camera
 ) -> Iterator[tuple[Shot, np.ndarray]]:
     """Photograph a view under each pattern, in the order of time. Chapter 12.

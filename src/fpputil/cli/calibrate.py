@@ -68,8 +68,8 @@ def _pose(folder, patterns):
     import numpy as np
 
     from fpputil.calibration.calibrate import Pose
-    from fpputil.capture.diagnosis import doubts
-    from fpputil.capture.measurement import scan
+    from fpputil.capture.diagnosis import diagnose
+    from fpputil.capture.measurement import measure
     from fpputil.capture.photographs import open_capture
 
     capture = open_capture(folder, patterns)
@@ -78,8 +78,8 @@ def _pose(folder, patterns):
             f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
             "columns and rows (`fpp patterns --axis both`)"
         )
-    scans = {axis: scan(capture, axis) for axis in ("column", "row")}
-    severe = [d.found for s in scans.values() for d in doubts(s, capture) if d.severe]
+    scans = {axis: measure(capture, axis) for axis in ("column", "row")}
+    severe = [d.found for s in scans.values() for d in diagnose(s, capture) if d.severe]
     if severe:
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([s.average for s in scans.values()], axis=0)

@@ -92,7 +92,7 @@ def _models(options):
     if not options.thingi10k and (options.cache or options.download):
         raise ValueError("--cache or --download given; they are for --thingi10k")
     if options.folder:
-        models, notes = sources.folder(options.folder, options.models)
+        models, notes = sources.mesh_folder(options.folder, options.models)
         return models, (), options.folder, notes
     if options.thingi10k:
         root, models, notes = sources.thingi10k(options.models, options.cache, options.download)

@@ -64,25 +64,25 @@ def _patterns(decode) -> None:
 def _decode(options) -> int:
     from tqdm.std import tqdm
 
-    from fpputil.capture.diagnosis import doubts
-    from fpputil.capture.measurement import scan
+    from fpputil.capture.diagnosis import diagnose
+    from fpputil.capture.measurement import measure
     from fpputil.capture.photographs import open_capture
     from fpputil.checks import positive
     from fpputil.files import folder_whole
-    from fpputil.optics.system import system_of
+    from fpputil.optics.system import load_system
 
     start = time.perf_counter()
     power = None if options.power == "auto" else positive("power", _number(options.power))
-    system = None if options.system is None else system_of(options.system)
+    system = None if options.system is None else load_system(options.system)
     capture = open_capture(options.folder, _given(options), options.full)
     out = options.out or options.folder.with_name(f"{options.folder.absolute().name}-decoded")
     how = {"threshold": options.threshold, "power": power, "noise": options.noise}
     with folder_whole(out, options.force) as folder:
         total = sum(f.steps for f in capture.patterns.fringes)
         with tqdm(total=total, unit="photo", leave=False, disable=options.json or None) as bar:
-            scans = [scan(capture, axis, system=system, each=bar.update, **how)
+            scans = [measure(capture, axis, system=system, each=bar.update, **how)
                      for axis in capture.patterns.axes]  # fmt: skip
-        found = [d for s in scans for d in doubts(s, capture)]
+        found = [d for s in scans for d in diagnose(s, capture)]
         wrong = any(d.severe for d in found) and not options.accept
         about = _write(folder, options, capture, scans, found, None if wrong else system, wrong)
         about["seconds"] = round(time.perf_counter() - start, 2)
@@ -133,20 +133,20 @@ def _write(folder, options, capture, scans, found, system, wrong) -> dict:
     import numpy as np
 
     from fpputil.capture import products
-    from fpputil.capture.report import figures, page
+    from fpputil.capture.report import page, report_numbers
     from fpputil.files import write_arrays
 
     about = {
         "decoded": not wrong,
         "doubts": [d._asdict() for d in found],
-        "numbers": {s.axis: figures(s) for s in scans},
+        "numbers": {s.axis: report_numbers(s) for s in scans},
     }
     depth = None
     if not wrong:
         arrays = {k: v for s in scans for k, v in products.arrays(s).items()}
         vertical = [s for s in scans if s.axis == "column"]
         if system is not None and vertical:
-            points, depth, sigma = products.measure(vertical[0], system)
+            points, depth, sigma = products.measured_points(vertical[0], system)
             colours = capture.colours()
             if colours is None:  # the average of the fringes stands in
                 colours = np.repeat(vertical[0].average.astype(np.uint8)[..., None], 3, axis=2)

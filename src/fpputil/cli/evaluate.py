@@ -46,8 +46,8 @@ def add_to(commands) -> None:
     evaluate.add_argument("--precision", default="float32", help="float32, bfloat16 or auto")
     evaluate.add_argument("--save", type=Path, metavar="FILE.ply", help="write one view as points")
     evaluate.add_argument("--view", type=int, default=0, help="which, counted in the split")
-    evaluate.add_argument("--record", action="store_true",
-                          help="keep the numbers in WEIGHTS and in a .json beside it")  # fmt: skip
+    evaluate.add_argument("--json", action="store_true",
+                          help="keep the numbers in a .json file beside WEIGHTS")  # fmt: skip
     evaluate.set_defaults(run=_evaluate, go_on="no numbers were kept")
 
 
@@ -56,11 +56,11 @@ def _evaluate(options) -> None:
     from fpputil.learning.devices import device_of, hardware, precision_of
     from fpputil.learning.evaluation import evaluate, open_split
     from fpputil.learning.loaders import spread
-    from fpputil.learning.weights import load_weights, record
+    from fpputil.learning.weights import load_weights, write_metrics
 
     other = (options.noise, options.gain, options.gamma, options.texture)
-    if options.record and other != (0, 1, 1, 0):
-        raise ValueError("--record with another camera given; it keeps the dataset's own alone")
+    if options.json and other != (0, 1, 1, 0):
+        raise ValueError("--json with another camera given; it keeps the dataset's own alone")
     trained = load_weights(options.weights)
     camera = {k: (getattr(options, k),) * 2 for k in ("gain", "noise", "gamma")}
     data = open_split(
@@ -79,10 +79,10 @@ def _evaluate(options) -> None:
     for name, key, unit, scale in ROWS:
         cells = [_cell(found.get(key), scale) for found in (both, alone)]
         print(f"{name + ', ' + unit:32}{cells[0]:>34}{cells[1]:>34}")
-    if options.record:
+    if options.json:
         where = device_of(options.device)
         found = {
-            "data": data.store.manifest["content"],
+            "data": data.store.name,
             "views": len(views),
             "camera": {k: v[0] for k, v in camera.items()},
             "seed": options.seed,
@@ -91,7 +91,7 @@ def _evaluate(options) -> None:
             "two photographs": both,
             "one photograph": alone,
         }
-        record(options.weights, trained, options.split, found)
+        print(f"kept in {write_metrics(options.weights, trained, options.split, found)}")
 
 
 def _cell(measure, scale) -> str:

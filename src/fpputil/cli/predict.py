@@ -43,14 +43,14 @@ def add_to(commands) -> None:
 
 def _predict(options) -> None:
     from fpputil.files import folder_whole
-    from fpputil.learning.prediction import oddities, photographs, predict
+    from fpputil.learning.prediction import check_photographs, predict, warnings
     from fpputil.learning.weights import load_weights
-    from fpputil.optics.system import system_of
+    from fpputil.optics.system import load_system
 
     _replaceable(options.out, options.force)
-    trained, system = load_weights(options.weights), system_of(options.system)
-    shown = photographs(trained, [_levels(path) for path in options.photographs], system)
-    warnings = oddities(shown)
+    trained, system = load_weights(options.weights), load_system(options.system)
+    shown = check_photographs(trained, [_levels(path) for path in options.photographs], system)
+    warnings = warnings(shown)
     _warn(warnings)
     with folder_whole(options.out, options.force) as folder:
         found = predict(trained, shown, options.device, options.precision)

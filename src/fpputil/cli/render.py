@@ -67,10 +67,10 @@ def _camera(render) -> None:
 def _render(options) -> None:
     from fpputil.capture.patterns import Patterns
     from fpputil.files import folder_whole
-    from fpputil.optics.system import system_of
+    from fpputil.optics.system import load_system
 
     patterns = Patterns.load(options.patterns)
-    system = system_of(options.system)
+    system = load_system(options.system)
     with folder_whole(options.out, options.force) as folder:
         scenes = 0
         for number, (name, mesh, albedo) in enumerate(_bodies(options, system)):
@@ -108,15 +108,15 @@ def _bodies(options, system):
 
 def _boards(options, system):
     from fpputil.calibration.board import Board
-    from fpputil.calibration.placement import Target, board_poses
+    from fpputil.calibration.placement import PlacedBoard, place_boards
     from fpputil.checks import whole
 
     board = Board(*options.board, options.square, options.kind)
     picture = board.picture(PIXELS)
     width = picture.shape[1] * board.square / PIXELS
-    poses = board_poses(whole("poses", options.poses, 1), options.seed, system, board.size)
+    poses = place_boards(whole("poses", options.poses, 1), options.seed, system, board.size)
     for k, (R, t) in enumerate(poses):
-        target = Target(picture, width, R, t)
+        target = PlacedBoard(picture, width, R, t)
         yield f"pose-{k:02}", target.mesh, target.albedo
 
 
@@ -124,14 +124,14 @@ def _photograph(options, number, folder, patterns, system, mesh, albedo) -> None
     import cv2
 
     from fpputil.capture.patterns import NAME
-    from fpputil.capture.virtual import photographs, save_truth
+    from fpputil.capture.virtual import photograph, save_truth
     from fpputil.files import write_whole
     from fpputil.optics.raycast import raycast
 
     view = raycast(mesh, system, albedo=albedo, supersample=options.supersample)
     camera = {k: getattr(options, k) for k in ("noise", "gain", "ambient", "gamma")}
     response, seed = options.projector_gamma, options.seed + SEEDS * number
-    for shot, frame in photographs(view, patterns, system, seed, response, **camera):
+    for shot, frame in photograph(view, patterns, system, seed, response, **camera):
         done, data = cv2.imencode(Path(shot.file).suffix, frame)
         write_whole(folder / shot.file, data.tobytes())
     patterns.save(folder / NAME)

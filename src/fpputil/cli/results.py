@@ -62,13 +62,13 @@ def _table(part) -> None:
 
 
 def _print_list(options) -> None:
-    from fpputil.experiments.effort import effort, speed
+    from fpputil.experiments.effort import training_cost, training_speed
     from fpputil.experiments.registry import experiments
     from fpputil.experiments.runs import read_results
 
     names, runs = experiments(options.preset), read_results(options.preset, options.results)
-    measured = speed(runs) or speed(read_results("tiny", options.results))
-    work = effort(options.preset, [name for name in names if name not in runs])
+    measured = training_speed(runs) or training_speed(read_results("tiny", options.results))
+    work = training_cost(options.preset, [name for name in names if name not in runs])
     for name in names:
         if name in runs:
             found = runs[name]["splits"]["test"]["measures"]["mae_rad"][0]
@@ -88,19 +88,19 @@ def _data(options) -> Path:
 
 
 def _search(options) -> None:
-    from fpputil.experiments.learning_rate import search
+    from fpputil.experiments.learning_rate import search_learning_rate
     from fpputil.learning.devices import use_threads
 
     use_threads(options.threads)
     path = options.results / "tiny" / "rates.json"
     how = {"workers": options.workers, "device": options.device, "progress": True}
-    for kind, rate in search(_data(options), path, options.names, **how).items():
+    for kind, rate in search_learning_rate(_data(options), path, options.names, **how).items():
         print(f"{kind:14} {rate:g}")
 
 
 def _make(options) -> int:
     from fpputil.experiments.registry import experiments
-    from fpputil.experiments.runs import run
+    from fpputil.experiments.runs import make_run
     from fpputil.learning.devices import use_threads
 
     use_threads(options.threads)
@@ -114,7 +114,7 @@ def _make(options) -> int:
     def make(name, wait):
         try:
             where = (_data(options), options.work, options.results, wait)
-            found = run(name, options.preset, *where, **how)
+            found = make_run(name, options.preset, *where, **how)
         except BlockingIOError as error:
             elsewhere.append(name)
             print(error)

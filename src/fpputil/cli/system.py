@@ -38,9 +38,9 @@ def add_to(commands) -> None:
 
 
 def _show(options) -> None:
-    from fpputil.optics.system import system_of
+    from fpputil.optics.system import load_system
 
-    about = describe(system_of(options.system))
+    about = describe(load_system(options.system))
     if options.json:
         print(json.dumps(_finite(about), indent=1))
     else:
@@ -48,9 +48,9 @@ def _show(options) -> None:
 
 
 def _convert(options) -> None:
-    from fpputil.optics.system import system_of
+    from fpputil.optics.system import load_system
 
-    system = system_of(options.system)
+    system = load_system(options.system)
     _free(options.file, options.force)
     system.save(options.file)
     print(f"{options.system} is in {options.file}")
@@ -58,11 +58,11 @@ def _convert(options) -> None:
 
 def _draw(options) -> None:
     from fpputil.files import write_whole
-    from fpputil.optics.system import system_of
+    from fpputil.optics.system import load_system
 
     if options.file.suffix != ".png":
         raise ValueError(f"{options.file.name} given; a picture ends in .png")
-    system = system_of(options.system)
+    system = load_system(options.system)
     _free(options.file, options.force)
     picture = io.BytesIO()
     draw(system).savefig(picture, format="png")

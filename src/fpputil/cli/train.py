@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 METHODS = ("sfnet", "sido", "psnet", "dlalnet")
-OF_METHOD = ("frames", "base", "levels", "dropout", "mixing", "target", "second", "plane")
+OF_METHOD = ("frames", "base", "levels", "dropout", "mixing", "target", "reference", "plane")
 OF_SETTINGS = (
-    *("epochs", "batch", "rate", "schedule", "wait", "decay", "clip", "patience", "validate"),
-    *("seed", "precision", "views"),
+    *("epochs", "batch", "learning_rate", "schedule", "plateau_patience", "weight_decay"),
+    *("max_grad_norm", "early_stopping", "training_views", "validation_views", "seed", "precision"),
 )
 OF_CAMERA = {"gain": "exposure", "noise": "read noise in grey levels", "gamma": "response"}
 
@@ -44,14 +44,20 @@ def add_to(commands) -> None:
 def _settings(group) -> None:
     group.add_argument("--epochs", type=int, help="at most")
     group.add_argument("--batch", type=int, help="images a step, over all devices (paper: 8)")
-    group.add_argument("--rate", type=float, help="learning rate, or the highest of one cycle")
+    group.add_argument(
+        "--learning-rate", type=float, help="learning rate, or the highest of one cycle"
+    )
     group.add_argument("--schedule", help="plateau (as the paper) or one-cycle (ours)")
-    group.add_argument("--wait", type=int, help="epochs without a better one before plateau halves")
-    group.add_argument("--decay", type=float, help="weight decay of AdamW")
-    group.add_argument("--clip", type=float, help="greatest norm of the gradient")
-    group.add_argument("--patience", type=int, help="epochs without a better one; 0 for never")
-    group.add_argument("--views", type=int, help="training views to use; 0 for all")
-    group.add_argument("--validate", type=int, help="validation views to measure on")
+    group.add_argument(
+        "--plateau-patience", type=int, help="epochs without a better one before plateau halves"
+    )
+    group.add_argument("--weight-decay", type=float, help="weight decay of AdamW")
+    group.add_argument("--max-grad-norm", type=float, help="greatest norm of the gradient")
+    group.add_argument(
+        "--early-stopping", type=int, help="epochs without a better one; 0 for never"
+    )
+    group.add_argument("--training-views", type=int, help="training views to use; 0 for all")
+    group.add_argument("--validation-views", type=int, help="validation views to measure on")
     group.add_argument("--seed", type=int, help="of weights, order, augmentation, dropout")
     group.add_argument("--precision", help="float32, bfloat16 or auto")
     for name, what in OF_CAMERA.items():
@@ -66,7 +72,7 @@ def _network(group) -> None:
     group.add_argument("--dropout", type=float, help="share dropped where features are joined")
     group.add_argument("--mixing", help="none, deepest or 'every level'")
     group.add_argument("--target", help="components (M and D) or phase")
-    group.add_argument("--second", help="refined (reference), or zmin, mid or unit in its place")
+    group.add_argument("--reference", help="refined (reference), or zmin, mid or unit in its place")
     for name in ("phase", "consistency", "geometric"):
         group.add_argument(f"--{name}", type=float, metavar="W", help=f"weight of the {name} loss")
     yes_or_no = argparse.BooleanOptionalAction

@@ -24,7 +24,7 @@ from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.files import write_whole
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.system import FREQUENCIES, STEPS, from_dict, to_dict
+from fpputil.optics.system import FREQUENCIES, STEPS, system_from_dict, system_to_dict
 
 INDEX = "scenes.json"
 AT_ONCE = 12  # scenes that a worker holds in memory
@@ -62,10 +62,15 @@ def export_folder(
     fringes = data.fringes or [Fringe(pitches[f], STEPS) for f in FREQUENCIES]
     for name, index in wanted:
         scene = f"scene-{index:06d}"
-        scenes[scene] = {"object": data.about(index)["name"], "split": name}
+        scenes[scene] = {"object": data.describe(index)["name"], "split": name}
         _write_scene(folder / scene, fringes, data.photographs(index, fringes, noise))
     steps = {name: fringe.steps for name, fringe in zip(FREQUENCIES, fringes, strict=True)}
-    about = {"system": to_dict(data.system), "pitches": pitches, "steps": steps, "scenes": scenes}
+    about = {
+        "system": system_to_dict(data.system),
+        "pitches": pitches,
+        "steps": steps,
+        "scenes": scenes,
+    }
     write_whole(folder / INDEX, layout.dumps(about))
     return len(scenes)
 
@@ -104,7 +109,7 @@ def import_folder(
     """
     folder = Path(folder)
     about = _read_index(folder)
-    system, pitches, steps = from_dict(about["system"]), about["pitches"], about["steps"]
+    system, pitches, steps = system_from_dict(about["system"]), about["pitches"], about["steps"]
     minimum_phase(system, pitches["zmin"])  # raises where the range is too long for the method
     models = _models(folder, _objects(folder, about.get("scenes")), seed)
     views = max(len(m["scenes"]) for m in models)
@@ -117,7 +122,7 @@ def import_folder(
 def _read_index(folder: Path) -> dict:
     try:
         about = json.loads((folder / INDEX).read_bytes())
-        from_dict(about["system"])
+        system_from_dict(about["system"])
         [Fringe(about["pitches"][f], about["steps"][f]) for f in FREQUENCIES]
     except FileNotFoundError:
         raise ValueError(f"{folder} holds no {INDEX}; it names system, pitches and steps") from None
@@ -215,7 +220,7 @@ def _read_scene(folder: Path, shared: dict) -> np.ndarray:
 
 def _decoded(shared: dict, frames: np.ndarray) -> dict[str, np.ndarray]:
     """Column, shade, depth and mask as the photographs show them."""
-    system = from_dict(shared["system"])
+    system = system_from_dict(shared["system"])
     fringes = [Fringe(f["pitch"], f["steps"]) for f in shared["frames"]]
     parts = dict(
         zip(FREQUENCIES, np.split(frames, np.cumsum([f.steps for f in fringes])[:-1]), strict=True)

@@ -15,7 +15,7 @@ from fpputil.dataset.plan import POSES, plan_of
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.raycast import bvh, raycast
 from fpputil.optics.shapes import CENTRE, SIZE, place, rotation
-from fpputil.optics.system import System, from_dict
+from fpputil.optics.system import System, system_from_dict
 
 
 def generate(
@@ -93,7 +93,7 @@ def make_model(out: str, shared: dict, model: dict, number: int, root: str | Non
         "notes": [],
     }
     try:
-        mesh, notes = sources.load(_model(model), root)
+        mesh, notes = sources.load_model(_model(model), root)
         record["notes"] += notes
         stacks = _see(mesh, shared, record)
     except (ValueError, FileNotFoundError) as error:
@@ -108,7 +108,7 @@ def _model(entry: dict) -> sources.Model:
 
 def _see(mesh, shared: dict, record: dict) -> dict[str, np.ndarray]:
     """Arrays (V, H, W) of a model's views; counts lit pixels and the brightest grey level."""
-    system, settings = from_dict(shared["system"]), shared["settings"]
+    system, settings = system_from_dict(shared["system"]), shared["settings"]
     stacks = layout.empty_stacks(shared)
     tree = bvh(place(mesh, settings["size"]))
     for k, pose in enumerate(record["pose"]):

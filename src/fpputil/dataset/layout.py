@@ -23,6 +23,8 @@ from fpputil.files import write_whole
 
 FORMAT, VERSION = "SynthFringe", 1
 MANIFEST, LOCK = "manifest.json", ".lock"
+PLAN = ("settings", "system", "pitches", "frames", "models")
+"""Entries of a manifest that decide what the dataset holds."""
 
 
 SPLITS = ("training", "validation", "test", "held-out")
@@ -172,6 +174,19 @@ def content(records: Sequence[dict]) -> str:
     """One SHA-256 for all shards of a dataset, out of the records of its models."""
     lines = [f"{s['sha256']}  {name}" for r in records for name, s in sorted(r["shards"].items())]
     return digest("\n".join(lines).encode())
+
+
+def plan_name(manifest: dict) -> str:
+    """SHA-256 of what decides the content of a dataset, numbers to nine decimals."""
+    return digest(dumps(_rounded({name: manifest[name] for name in PLAN})))
+
+
+def _rounded(value):
+    if isinstance(value, dict):
+        return {name: _rounded(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(entry) for entry in value]
+    return round(value, 9) + 0.0 if isinstance(value, float) else value
 
 
 def seal(manifest: dict) -> str:

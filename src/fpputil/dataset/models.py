@@ -93,7 +93,7 @@ def _families(names: Iterable[str] | str | None) -> set[str]:
     return wanted
 
 
-def folder(
+def mesh_folder(
     root: str | os.PathLike, number: int | None = None
 ) -> tuple[tuple[Model, ...], tuple[str, ...]]:
     """Mesh files in a folder and in the folders below it, in the order of their paths.
@@ -174,7 +174,7 @@ def thingi10k(
     return root, tuple(models), notes
 
 
-def load(
+def load_model(
     model: Model, root: str | os.PathLike | None = None
 ) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     """The mesh of a model, as it is: neither scaled nor moved.

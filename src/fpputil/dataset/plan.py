@@ -13,7 +13,7 @@ from fpputil.dataset import layout
 from fpputil.dataset import models as sources
 from fpputil.optics.parts import FAMILIES
 from fpputil.optics.shapes import CENTRE
-from fpputil.optics.system import System, preset, to_dict
+from fpputil.optics.system import System, preset, system_to_dict
 
 POSES = [(y, z) for y in range(0, 360, 60) for z in range(0, 360, 60)]
 """The paper's 36 poses: degrees about y and about z."""
@@ -82,7 +82,7 @@ def new_plan(settings: dict, system: System, pitches: dict, models: list[dict], 
         "version": layout.VERSION,
         "complete": False,
         "settings": {**settings, "models": len(models), "least": least},
-        "system": to_dict(system),
+        "system": system_to_dict(system),
         "pitches": pitches,
         "frames": list(frames),
         "models": models,

@@ -11,7 +11,7 @@ import numpy as np
 
 from fpputil.dataset import layout
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.system import System, from_dict
+from fpputil.optics.system import System, system_from_dict
 from fpputil.optics.view import View
 
 
@@ -31,9 +31,19 @@ class Store:
     manifest: dict
 
     @cached_property
+    def name(self) -> str:
+        """Name of the dataset: SHA-256 of its plan, the same on whatever processor it was made."""
+        return layout.plan_name(self.manifest)
+
+    @property
+    def checksum(self) -> str:
+        """SHA-256 of all its shards; another processor may round the last bit of a phase."""
+        return self.manifest["content"]
+
+    @cached_property
     def system(self) -> System:
         """Camera, projector and measuring range of all views."""
-        return from_dict(self.manifest["system"])
+        return system_from_dict(self.manifest["system"])
 
     @cached_property
     def fringes(self) -> tuple[Fringe, ...]:
@@ -123,7 +133,7 @@ class Store:
             If the dataset holds photographs, and not these.
         """
         if not self.fringes:
-            return self.view(index).frames(fringes, noise, self.about(index)["noise_seed"])
+            return self.view(index).frames(fringes, noise, self.describe(index)["noise_seed"])
         if noise:
             raise ValueError(f"noise {noise} given; {self.path} holds photographs as they are")
         which = [self.position(f, n) for f in fringes for n in range(f.steps)]
@@ -148,7 +158,7 @@ class Store:
             f"{[(f.pitch, f.steps) for f in self.fringes]} (pitch, steps)"
         )
 
-    def about(self, index: int) -> dict:
+    def describe(self, index: int) -> dict:
         """Model, split, pose (degrees about the paper's y and z) and noise seed of view `index`."""
         number, view = self._place(index)
         model, record = self.manifest["models"][number], self.manifest["records"][number]

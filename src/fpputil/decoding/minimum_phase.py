@@ -10,7 +10,7 @@ from array_api_compat import array_namespace
 
 from fpputil.checks import positive
 from fpputil.decoding.triangulation import depth_of, triangulate
-from fpputil.decoding.unwrap import TWO_PI, absolute, fringe_order
+from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order
 from fpputil.optics.system import System
 
 
@@ -113,7 +113,7 @@ def refined_reference(Phi_t, K_z, pitch_t: float, pitch_z: float):
         ``D_r = cos(phi_r)``. K_z is whole, so it does not affect M_r and D_r.
     """
     xp = array_namespace(Phi_t, K_z)
-    phi_r = absolute(Phi_t * (pitch_t / pitch_z), -K_z)
+    phi_r = absolute_phase(Phi_t * (pitch_t / pitch_z), -K_z)
     return phi_r, -xp.sin(phi_r), xp.cos(phi_r)
 
 
@@ -134,5 +134,5 @@ def two_phase_absolute(phi_h, phi_z, Phi_min, pitch_h: float, pitch_z: float):
     (...) array
         Phi of the high pitch, radians.
     """
-    Phi_z = absolute(phi_z, zmin_order(phi_z, Phi_min))
-    return absolute(phi_h, fringe_order(phi_h, Phi_z, pitch_z / pitch_h))
+    Phi_z = absolute_phase(phi_z, zmin_order(phi_z, Phi_min))
+    return absolute_phase(phi_h, fringe_order(phi_h, Phi_z, pitch_z / pitch_h))

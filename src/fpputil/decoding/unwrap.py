@@ -22,7 +22,7 @@ def wrap(phase):
     return phase - TWO_PI * array_namespace(phase).ceil((phase - math.pi) / TWO_PI)
 
 
-def absolute(phi, K):
+def absolute_phase(phi, K):
     """Phi = phi + 2 pi K (Eq. 4)."""
     return phi + TWO_PI * K
 
@@ -108,7 +108,7 @@ def mf_tpu(phis, pitches, width: float):
     check_pitches(phis, pitches)
     Phi = [unit_phase(phis[0], pitches[0], width)]
     for phi, longer, pitch in zip(phis[1:], pitches, pitches[1:], strict=False):
-        Phi.append(absolute(phi, fringe_order(phi, Phi[-1], longer / pitch)))
+        Phi.append(absolute_phase(phi, fringe_order(phi, Phi[-1], longer / pitch)))
     return Phi
 
 
@@ -185,7 +185,7 @@ def _levels(phis, pitches, width, parents) -> list[Level]:
     # Of the beats the shortest carries the least noise.
     ref, Phi_ref = coarser[0].pitches[0], coarser[0].Phis[0]
     pairs = zip(phis, pitches, strict=True)
-    Phis = [absolute(phi, fringe_order(phi, Phi_ref, ref / pitch)) for phi, pitch in pairs]
+    Phis = [absolute_phase(phi, fringe_order(phi, Phi_ref, ref / pitch)) for phi, pitch in pairs]
     return [Level(pitches, Phis, parents), *coarser]
 
 
@@ -229,10 +229,10 @@ def nt_tpu(phis, pitches, width: int):
     orders = np.full((2, *number.shape), np.nan)
     index = np.where(known, number, 0).astype(int) + table.shape[1] // 2
     orders[:, known] = table[:, index[known]]
-    Phi = absolute(a, orders[0])
+    Phi = absolute_phase(a, orders[0])
     joint = Phi * (p / period)  # phase of the common period, which the projector fills in part
     turn = unit_phase(joint, period, width) - joint
-    return [Phi + turn * (period / p), absolute(b, orders[1]) + turn * (period / q)]
+    return [Phi + turn * (period / p), absolute_phase(b, orders[1]) + turn * (period / q)]
 
 
 def _order_table(p, q):

@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from fpputil.decoding.noise import order_error_rate
-from fpputil.decoding.unwrap import absolute, beat, fringe_order
+from fpputil.decoding.unwrap import absolute_phase, beat, fringe_order
 from fpputil.exercises import close, exercise
 
 
 @exercise("4.1", "K = round((8 * 1.95 + 3.0) / 2 pi), and Phi_h = phi_h + 2 pi K.")
-def absolute_phase(answer):
+def phase_of_an_order(answer):
     phi, Phi_ref = np.array(-3.0), np.array(1.95)
-    return close(answer, absolute(phi, fringe_order(phi, Phi_ref, 912 / 114)))
+    return close(answer, absolute_phase(phi, fringe_order(phi, Phi_ref, 912 / 114)))
 
 
 @exercise("4.2", "Set 5 sqrt(1 + r^2) sigma_phi equal to pi and solve for r; keep the 1.")

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
-
 from fpputil.dataset.augmentation import Augmentation
-from fpputil.dataset.naming import VIEWS, dataset_name
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.experiments.error_analysis import Inspection
+from fpputil.experiments.error_analysis import ErrorAnalysis
 from fpputil.files import write_arrays
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.loaders import spread
@@ -18,6 +15,9 @@ from fpputil.learning.metrics import Score
 from fpputil.learning.weights import Trained
 
 TRUTH = ("mask", "Phi", "modulation", "depth")
+VIEWS = "views.npz"
+"""File of the truth of these views: NUMBER-mask, NUMBER-Phi and so on."""
+
 PICTURES = 6  # test views whose errors are kept pixel by pixel
 SPLITS = ("test", "held-out")
 CONDITIONS = {
@@ -48,7 +48,7 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         The dataset.
     pictures : Path
         File for the errors (P,) of some test views, by number, at the pixels of their masks. Their
-        masks, phases, modulation and depths go to `VIEWS` beside it, with the dataset's name.
+        masks, phases, modulation and depths go to `VIEWS` beside it, if that is not there yet.
     **loading
         Options of `predictions`.
 
@@ -70,9 +70,8 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
             kept = [seen.inspections[model].sums() for model in both.models]
             found["splits"][split]["inspection"] = kept
             write_arrays(pictures, seen.kept)
-            views, name = pictures.with_name(VIEWS), opened.store.manifest["content"]
-            if dataset_name(opened.store, views) == name:  # or they are there, as rounded first
-                write_arrays(views, {"data": np.array(name), **seen.truth})
+            if not (views := pictures.with_name(VIEWS)).is_file():  # every run has the same
+                write_arrays(views, seen.truth)
     for name, options in CONDITIONS.items():
         camera = Augmentation(**{k: (v, v) for k, v in options.items() if k != "texture"})
         texture = options.get("texture", 0.0)
@@ -99,13 +98,13 @@ class _Seen:
         self.chosen = {int(data.indices[k]) for k in spread(data, PICTURES)}
 
     def __call__(self, item: dict, found) -> None:
-        self.inspections.setdefault(int(item["model"]), Inspection()).add(item, found)
+        self.inspections.setdefault(int(item["model"]), ErrorAnalysis()).add(item, found)
         if int(item["index"]) in self.chosen:
             self.kept[f"{item['index']}"] = (found.Phi - item["Phi"])[item["mask"]]
             self.truth |= {f"{item['index']}-{k}": item[k] for k in TRUTH}
 
 
-def inspected(runs: Iterable[dict]) -> dict:
+def analyse_errors(runs: Iterable[dict]) -> dict:
     """Measures of `Inspection` of the test views of one or more runs together."""
     sums = [own for run in runs for own in run["splits"]["test"]["inspection"]]
-    return Inspection.of(sums).summary()
+    return ErrorAnalysis.of(sums).summary()

@@ -36,7 +36,7 @@ CHOICES = {
 }
 """Method and seed of each run."""
 
-SHORT = replace(recipe("tiny")[1], epochs=1, views=2880, validate=200)
+SHORT = replace(recipe("tiny")[1], epochs=1, training_views=2880, validation_views=200)
 RESULTS = Path("data/results/sfnet-choices.json")
 
 
@@ -56,8 +56,8 @@ def run_choices(data: str | Path, path: str | Path = RESULTS, *, workers: int = 
     ValueError
         If the file holds runs on another dataset.
     """
-    path, content = Path(path), open_store(data).manifest["content"]
-    found = {"data": content, "views": SHORT.views, "runs": {}}
+    path, content = Path(path), open_store(data).name
+    found = {"data": content, "views": SHORT.training_views, "runs": {}}
     if path.is_file():
         found = json.loads(path.read_text())
         if found["data"] != content:

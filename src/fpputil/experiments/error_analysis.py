@@ -91,7 +91,7 @@ def creases(phi: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[float,
 
 
 @dataclass(eq=False)
-class Inspection:
+class ErrorAnalysis:
     """Errors gathered over views by what is nearby.
 
     Parameters
@@ -157,7 +157,7 @@ class Inspection:
         return {k: getattr(self, k).tolist() for k in ("classes", "power", "inner", "bent")}
 
     @classmethod
-    def of(cls, sums: list[dict[str, list]]) -> Inspection:
+    def of(cls, sums: list[dict[str, list]]) -> ErrorAnalysis:
         """Several `sums` together."""
         names = ("classes", "power", "inner", "bent")
         return cls(*(np.sum([one[k] for one in sums], axis=0) for k in names))

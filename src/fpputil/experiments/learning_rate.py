@@ -9,9 +9,8 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from fpputil.dataset.naming import VIEWS, dataset_name
 from fpputil.dataset.store import open_store
-from fpputil.experiments.registry import RATES, SEARCH, SEARCHED, methods
+from fpputil.experiments.registry import LEARNING_RATES, SEARCH_CONFIG, SEARCHED, methods
 from fpputil.files import write_whole
 from fpputil.learning.devices import device_of, hardware
 from fpputil.learning.fit import fit
@@ -21,7 +20,7 @@ from fpputil.networks.methods import method_of, settings_of
 MEASURES = ("mae", "rmse", "order_errors")
 
 
-def search(data: str | Path, path: str | Path, kinds=None, **how) -> dict[str, float]:
+def search_learning_rate(data: str | Path, path: str | Path, kinds=None, **how) -> dict[str, float]:
     """Try learning rates for each of some kinds of runs, those that a JSON file lacks.
 
     Parameters
@@ -55,8 +54,8 @@ def search(data: str | Path, path: str | Path, kinds=None, **how) -> dict[str, f
     if (made := store.manifest["settings"]["preset"]) != "tiny":
         raise ValueError(f"{data} was made with the preset {made}; rates are searched at tiny")
     about = {
-        "data": dataset_name(store, path.with_name(VIEWS)),
-        "settings": plain(asdict(SEARCH)),
+        "data": store.name,
+        "settings": plain(asdict(SEARCH_CONFIG)),
         "methods": {kind: settings_of(known[kind]) for kind in SEARCHED},
     }
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -75,12 +74,12 @@ def search(data: str | Path, path: str | Path, kinds=None, **how) -> dict[str, f
                 tried[f"{rate:g}"] = _try(known[kind], data, rate, how)
                 found["hardware"] = hardware(device_of(how.get("device") or "cpu"))
                 write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
-    return {kind: best_rate(path, kind) for kind in kinds}
+    return {kind: best_learning_rate(path, kind) for kind in kinds}
 
 
 def _try(method, data, rate: float, how: dict) -> dict:
     try:
-        _, history = fit(method, data, replace(SEARCH, rate=rate), **how)
+        _, history = fit(method, data, replace(SEARCH_CONFIG, learning_rate=rate), **how)
     except FloatingPointError:
         return {"mae": None}
     last = history[-1]
@@ -89,7 +88,7 @@ def _try(method, data, rate: float, how: dict) -> dict:
 
 def _next_rate(tried: dict[str, dict]) -> float | None:
     """The next rate to try, or None if the best is known and none of the ends."""
-    for rate in RATES:
+    for rate in LEARNING_RATES:
         if f"{rate:g}" not in tried:
             return rate
     rates, best = sorted(map(float, tried)), _best(tried)
@@ -103,7 +102,7 @@ def _best(tried: dict[str, dict]) -> float:
     return min(known, key=lambda rate: math.inf if known[rate] is None else known[rate])
 
 
-def best_rate(path: str | Path, kind: str) -> float:
+def best_learning_rate(path: str | Path, kind: str) -> float:
     """The rate with the least validation MAE of a kind, as `search` found it.
 
     Raises

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fpputil.dataset.augmentation import Augmentation
-from fpputil.learning.config import Settings
+from fpputil.learning.config import TrainingConfig
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import METHODS, Method
 
@@ -14,7 +14,7 @@ WIDTHS = {"sfnet": 2, "sido": 2.5, "psnet": 2, "dlalnet": 3}
 """Channels of the finest level, in parts, that give all methods about as many parameters."""
 
 
-def recipe(preset: str, name: str = "sfnet") -> tuple[Method, Settings]:
+def recipe(preset: str, name: str = "sfnet") -> tuple[Method, TrainingConfig]:
     """Method and settings of a preset.
 
     "paper" has the losses, levels, batch, epochs, optimiser and schedule of the paper; width,
@@ -30,11 +30,13 @@ def recipe(preset: str, name: str = "sfnet") -> tuple[Method, Settings]:
     name : str
         One of `METHODS`.
     """
-    short = Settings(epochs=3, rate=2e-3, schedule="one-cycle", patience=0, augmentation=CAMERA)
+    short = TrainingConfig(
+        epochs=3, learning_rate=2e-3, schedule="one-cycle", early_stopping=0, augmentation=CAMERA
+    )
     recipes = {
         "tiny": (5, short),
         "small": (5, replace(short, epochs=4)),
-        "paper": (6, Settings(augmentation=CAMERA)),
+        "paper": (6, TrainingConfig(augmentation=CAMERA)),
     }
     if preset not in recipes:
         raise ValueError(f"preset {preset!r} given; the presets are {', '.join(recipes)}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from fpputil.experiments.recipes import CAMERA, recipe, sized
-from fpputil.learning.config import Settings
+from fpputil.learning.config import TrainingConfig
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import DLALNetMethod, Method, PSNetMethod, SFNetMethod, SIDOMethod
 
@@ -44,7 +44,7 @@ SEEDS = {name: (0, 1, 2) for table in (3, 4) for name in ROWS[table].values()}
 SCENES = 14_400
 """Training views of a dataset of 1000 models, the paper's number of scenes times eight tenths."""
 
-RATES = (1e-3, 2e-3, 4e-3)
+LEARNING_RATES = (1e-3, 2e-3, 4e-3)
 """Learning rates that are tried first; where the best lies at an end, the search goes on there."""
 
 SEARCHED = (
@@ -106,9 +106,9 @@ def methods(preset: str) -> dict[str, Method]:
         **other,
         "sfnet-printed": replace(sfnet, weights=Weights()),
         "sfnet-every-level": replace(sfnet, mixing="every level"),
-        "sfnet-zmin": replace(sfnet, second="zmin"),
-        "sfnet-mid": replace(sfnet, second="mid"),
-        "sfnet-unit": replace(sfnet, second="unit"),
+        "sfnet-zmin": replace(sfnet, reference="zmin"),
+        "sfnet-mid": replace(sfnet, reference="mid"),
+        "sfnet-unit": replace(sfnet, reference="unit"),
         "sido-no-plane": replace(sido, plane=False),
         "dlalnet-losses": replace(dlalnet, weights=replace(weights, mean=True)),
     }
@@ -134,16 +134,18 @@ def experiments(preset: str) -> dict[str, Experiment]:
     return found
 
 
-def budget(preset: str) -> Settings:
+def budget(preset: str) -> TrainingConfig:
     """Settings of every run of a preset but for rate and seed: the same for all methods."""
-    short = Settings(schedule="one-cycle", patience=0, augmentation=CAMERA)
+    short = TrainingConfig(schedule="one-cycle", early_stopping=0, augmentation=CAMERA)
     settings = {
-        "tiny": replace(short, epochs=3, views=4800),
-        "small": replace(short, epochs=3, views=2400),
-        "paper": replace(recipe("paper")[1], patience=0),  # or some would see more than others
+        "tiny": replace(short, epochs=3, training_views=4800),
+        "small": replace(short, epochs=3, training_views=2400),
+        "paper": replace(
+            recipe("paper")[1], early_stopping=0
+        ),  # or some would see more than others
     }
     return settings[preset]
 
 
-SEARCH = replace(budget("tiny"), epochs=1, views=2400)
+SEARCH_CONFIG = replace(budget("tiny"), epochs=1, training_views=2400)
 """Settings of the search for a learning rate, at `tiny`, for all presets."""

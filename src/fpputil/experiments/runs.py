@@ -13,10 +13,9 @@ from pathlib import Path
 import torch
 from filelock import FileLock, Timeout
 
-from fpputil.dataset.naming import VIEWS, dataset_name
 from fpputil.dataset.store import open_store
 from fpputil.experiments.assessment import SPLITS, assess
-from fpputil.experiments.learning_rate import best_rate, read_json
+from fpputil.experiments.learning_rate import best_learning_rate, read_json
 from fpputil.experiments.registry import Experiment, budget, experiments
 from fpputil.files import write_whole
 from fpputil.learning.fit import fit
@@ -29,7 +28,7 @@ from fpputil.networks.methods import method_of, settings_of
 RESULTS = Path("data/results")
 
 
-def run(
+def make_run(
     name: str,
     preset: str,
     data: str | Path,
@@ -81,7 +80,7 @@ def run(
         resume = (folder / CHECKPOINT).is_file()
         _, history = fit(known[name].method, data, settings, folder, resume=resume, **how)
         trained = load_weights(folder / WEIGHTS)
-        found = {**about, **_facts(trained, history)}
+        found = {**about, "checksum": open_store(data).checksum, **_facts(trained, history)}
         found |= assess(trained, data, path.with_suffix(".npz"), **_loading(how))
         write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
         write_whole(path, f"{json.dumps(short(found), separators=(',', ':'))}\n".encode())
@@ -95,13 +94,13 @@ def _wanted(name: str, preset: str, one: Experiment, data, results: Path):
         raise ValueError(f"{data} was made with the preset {made}, and {preset} is asked for")
     for split in ("training", "validation", *SPLITS):
         store.indices(split)  # which raises if it lacks one
-    rate = best_rate(results / "tiny" / "rates.json", one.kind)
-    settings = replace(budget(preset), rate=rate, seed=one.seed)
+    rate = best_learning_rate(results / "tiny" / "rates.json", one.kind)
+    settings = replace(budget(preset), learning_rate=rate, seed=one.seed)
     return settings, {
         "name": name,
         "preset": preset,
         "seed": one.seed,
-        "data": dataset_name(store, results / preset / VIEWS),
+        "data": store.name,
         "method": settings_of(one.method),
         "settings": plain(asdict(settings)),
     }
@@ -141,7 +140,13 @@ def read_results(preset: str, path: str | Path = RESULTS) -> dict[str, dict]:
         if not (file := folder / f"{name}.json").is_file():
             continue
         runs[name] = read_result(file)
-        own = plain({**shared, "seed": one.seed, "rate": runs[name]["settings"].get("rate")})
+        own = plain(
+            {
+                **shared,
+                "seed": one.seed,
+                "learning_rate": runs[name]["settings"].get("learning_rate"),
+            }
+        )
         for what, needed in (("method", settings_of(one.method)), ("settings", own)):
             if runs[name][what] != plain(needed):
                 raise ValueError(
@@ -165,11 +170,10 @@ def _claim(folder: Path, name: str, wait: bool) -> Iterator[None]:
 
 def _facts(trained: Trained, history: list[dict]) -> dict:
     """What a run cost."""
-    spent = cost(trained.network, tuple(trained.about["camera"]))
+    spent = cost(trained.network, tuple(trained.metadata["camera"]))
     return {
-        "content": trained.about["data"],
         "version": version("fpputil"),
-        "hardware": trained.about["training"]["hardware"],
+        "hardware": trained.metadata["training"]["hardware"],
         "parameters": spent.parameters,
         "multiply_adds": spent.multiply_adds,
         "images": history[-1]["images"],

@@ -42,7 +42,9 @@ def seeds_of(name: str, runs: dict[str, dict], several: bool = True) -> list[dic
     return [runs[n] for n in names if n in runs]
 
 
-def drawn(own: list[dict], measure: str, part=("splits", "test"), seed=0, draws=1000) -> np.ndarray:
+def bootstrap(
+    own: list[dict], measure: str, part=("splits", "test"), seed=0, draws=1000
+) -> np.ndarray:
     """A measure of a row, the mean over its seeds, for all models and for each draw of models.
 
     Parameters
@@ -77,7 +79,7 @@ def drawn(own: list[dict], measure: str, part=("splits", "test"), seed=0, draws=
     return (np.sqrt(values) if root else values).mean(axis=1)
 
 
-def seed_spread(runs: dict[str, dict], measure: str) -> Spread:
+def seed_variation(runs: dict[str, dict], measure: str) -> Spread:
     """How much a seed moves a measure of a method, in parts of it.
 
     Pooled over the rows of the method that have several seeds; methods without one are left out.
@@ -85,7 +87,7 @@ def seed_spread(runs: dict[str, dict], measure: str) -> Spread:
     squares, freedoms = {}, {}
     for name in SEEDS:
         own = [run for run in seeds_of(name, runs) if _has(run, measure)]
-        values = [drawn([run], measure, draws=1)[0] for run in own]
+        values = [bootstrap([run], measure, draws=1)[0] for run in own]
         if len(values) > 1 and np.mean(values) > 0:
             method = _method(own)
             square = np.sum((np.array(values) / np.mean(values) - 1) ** 2)
@@ -98,7 +100,7 @@ def _method(own: list[dict]) -> str:
     return own[0]["method"]["method"]
 
 
-def moved_by_seeds(rows: list[tuple[list[dict], float]], spread: Spread) -> tuple[float, float]:
+def seed_error(rows: list[tuple[list[dict], float]], spread: Spread) -> tuple[float, float]:
     """Standard deviation that seeds give to a row, or to the difference of two; degrees of freedom.
 
     Where two methods meet, these are those of Welch and Satterthwaite.
@@ -144,8 +146,8 @@ def measures_of(own: list[dict], spreads: dict, part=("splits", "test")) -> dict
     found = {}
     for measure in MEASURES:
         if _has(own[0], measure):
-            values = drawn(own, measure, part)
-            moved = moved_by_seeds([(own, values[0])], spreads[measure])
+            values = bootstrap(own, measure, part)
+            moved = seed_error([(own, values[0])], spreads[measure])
             found[measure] = interval(values, *moved)
     return found
 
@@ -158,6 +160,6 @@ def difference(
     a: list[dict], b: list[dict], spreads: dict, measure="mae_rad", part=("splits", "test")
 ):
     """A measure of one row above that of another, value and interval."""
-    one, other = (drawn(own, measure, part) for own in (a, b))
-    moved = moved_by_seeds([(a, one[0]), (b, other[0])], spreads[measure])
+    one, other = (bootstrap(own, measure, part) for own in (a, b))
+    moved = seed_error([(a, one[0]), (b, other[0])], spreads[measure])
     return interval(one - other, *moved)

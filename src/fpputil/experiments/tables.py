@@ -14,7 +14,7 @@ from fpputil.experiments.statistics import (
     Interval,
     difference,
     measures_of,
-    seed_spread,
+    seed_variation,
     seeds_of,
 )
 
@@ -67,7 +67,7 @@ def table(number: int | str, runs: dict[str, dict], seeded: dict | None = None) 
         raise ValueError(f"table {number!r} given; the tables are {', '.join(map(str, ROWS))}")
     several, rows = number in (3, 4), []
     reference = seeds_of("sfnet", runs, several)
-    spreads = {measure: seed_spread(seeded or runs, measure) for measure in MEASURES}
+    spreads = {measure: seed_variation(seeded or runs, measure) for measure in MEASURES}
     for label, name in ROWS[number].items():
         if not (own := seeds_of(name, runs, several)):
             continue

@@ -17,7 +17,7 @@ from torch.optim import Optimizer
 
 from fpputil.files import write_whole
 
-FORMAT = "fpputil run 1"
+FORMAT = "fpputil run 2"
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 
 
@@ -35,7 +35,7 @@ def save_checkpoint(path: Path, network: nn.Module, optimiser: Optimizer, about:
     tensors = {k: v.detach().cpu().contiguous() for k, v in tensors.items()}
     groups = optimiser.state_dict()["param_groups"]
     text = json.dumps({"format": FORMAT, "groups": groups, **about})
-    write_whole(path, save(tensors, {"about": text}))
+    write_whole(path, save(tensors, {"metadata": text}))
 
 
 def read_about(path: Path) -> dict:
@@ -44,7 +44,7 @@ def read_about(path: Path) -> dict:
         raise FileNotFoundError(f"{path} is not there; no run to resume")
     try:
         with safetensors.safe_open(path, "pt") as file:
-            about = json.loads((file.metadata() or {}).get("about", "null"))
+            about = json.loads((file.metadata() or {}).get("metadata", "null"))
     except (safetensors.SafetensorError, ValueError) as error:
         raise ValueError(f"{path} is cut or not a checkpoint ({error})") from error
     if not isinstance(about, dict) or about.get("format") != FORMAT:

@@ -14,7 +14,7 @@ SCHEDULES = ("plateau", "one-cycle")
 
 
 @dataclass(frozen=True)
-class Settings:
+class TrainingConfig:
     """How long and how to train.
 
     Parameters
@@ -23,21 +23,21 @@ class Settings:
         At most; the paper's are 250.
     batch : int
         Images a step, over all devices; the paper's are 8.
-    rate : float
+    learning_rate : float
         Learning rate of AdamW, the highest of a one-cycle schedule. Not in the paper.
     schedule : str
         "plateau", `ReduceLROnPlateau` as in the paper, or "one-cycle", ours for short runs.
-    wait : int
+    plateau_patience : int
         Epochs without a better validation MAE after which "plateau" halves the rate.
-    decay : float
+    weight_decay : float
         Weight decay of AdamW.
-    clip : float
+    max_grad_norm : float
         Greatest norm of the gradient.
-    patience : int
+    early_stopping : int
         Epochs without a better validation MAE after which to stop; 0 for never.
-    views : int
+    training_views : int
         Views of the training split, evenly spread, to train on; 0 for all.
-    validate : int
+    validation_views : int
         Views of the validation split, evenly spread, on which to measure after each epoch.
     seed : int
         Of first weights, order, augmentation and dropout.
@@ -49,26 +49,26 @@ class Settings:
 
     epochs: int = 250
     batch: int = 8
-    rate: float = 1e-3
+    learning_rate: float = 1e-3
     schedule: str = "plateau"
-    wait: int = 10
-    decay: float = 1e-2
-    clip: float = 1.0
-    patience: int = 20
-    views: int = 0
-    validate: int = 400
+    plateau_patience: int = 10
+    weight_decay: float = 1e-2
+    max_grad_norm: float = 1.0
+    early_stopping: int = 20
+    training_views: int = 0
+    validation_views: int = 400
     seed: int = 0
     augmentation: Augmentation = field(default_factory=Augmentation)
     precision: str = "auto"
 
     def __post_init__(self):
-        for name in ("epochs", "batch", "validate", "wait"):
+        for name in ("epochs", "batch", "validation_views", "plateau_patience"):
             whole(name, getattr(self, name), 1)
-        for name in ("views", "patience", "seed"):
+        for name in ("training_views", "early_stopping", "seed"):
             whole(name, getattr(self, name), 0)
-        positive("rate", self.rate)
-        positive("clip", self.clip)
-        not_negative("decay", self.decay)
+        positive("learning_rate", self.learning_rate)
+        positive("max_grad_norm", self.max_grad_norm)
+        not_negative("weight_decay", self.weight_decay)
         if self.schedule not in SCHEDULES:
             raise ValueError(f"schedule {self.schedule!r} given; plateau or one-cycle is needed")
         precision_of(self.precision, torch.device("cpu"))

@@ -98,7 +98,7 @@ def forward(network: nn.Module, frames: Tensor, precision: str) -> Tensor:
 
 
 @dataclass(frozen=True)
-class World:
+class Processes:
     """The processes that train one network together.
 
     Parameters
@@ -127,7 +127,7 @@ class World:
 
 
 @contextmanager
-def world(device: str | None = None) -> Iterator[World]:
+def processes(device: str | None = None) -> Iterator[Processes]:
     """This process among those that `torchrun` started, or alone. Chapter 8.
 
     Parameters
@@ -143,7 +143,7 @@ def world(device: str | None = None) -> Iterator[World]:
     if size > 1:
         distributed.init_process_group("nccl" if where.type == "cuda" else "gloo")
     try:
-        yield World(rank, size, where)
+        yield Processes(rank, size, where)
     finally:
         if size > 1:
             distributed.destroy_process_group()

@@ -16,18 +16,18 @@ from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding.pointcloud import save_ply
 from fpputil.decoding.triangulation import column, triangulate
 from fpputil.learning.devices import PRECISIONS, device_of, forward, precision_of
-from fpputil.learning.loaders import closing, processes
+from fpputil.learning.loaders import closing, loader_options
 from fpputil.learning.metrics import Score, errors
 from fpputil.learning.weights import Trained
-from fpputil.networks.geometry import Rig
-from fpputil.networks.targets import true_second
+from fpputil.networks.geometry import Geometry
+from fpputil.networks.targets import true_reference
 from fpputil.networks.unet import lowered
 
 BATCH = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Prediction:
     """What a network makes of one view.
 
     Parameters
@@ -38,7 +38,7 @@ class Measured:
         The second wrapped phase, which the method names: of SFNet the refined reference.
     Phi : (H, W) float32 array
         Absolute phase of the high pitch, radians.
-    alone : (H, W) float32 array
+    Phi_from_one : (H, W) float32 array
         The same from phi_h alone, without phi_r: the control of one photograph. The network saw
         both, and phi_h has gained by it.
     """
@@ -46,11 +46,13 @@ class Measured:
     phi_h: np.ndarray
     phi_r: np.ndarray | None
     Phi: np.ndarray
-    alone: np.ndarray
+    Phi_from_one: np.ndarray
 
 
 @torch.no_grad()
-def measure(trained: Trained, frames, rig: Rig, precision: str = "float32") -> list[Measured]:
+def predict_batch(
+    trained: Trained, frames, geometry: Geometry, precision: str = "float32"
+) -> list[Prediction]:
     """Phases of photographs, at every pixel. Chapter 8.
 
     Parameters
@@ -58,7 +60,7 @@ def measure(trained: Trained, frames, rig: Rig, precision: str = "float32") -> l
     trained : Trained
     frames : (B, F, H, W) tensor or array
         Photographs, 0 to 1 by the extremes the network was trained with.
-    rig : Rig
+    geometry : Rig
         On the device on which the network is.
     precision : str
         "float32" or "bfloat16".
@@ -67,15 +69,15 @@ def measure(trained: Trained, frames, rig: Rig, precision: str = "float32") -> l
     -------
     list of B `Measured`
     """
-    device, method = rig.plane.device, trained.method
+    device, method = geometry.Phi_plane.device, trained.method
     frames = torch.as_tensor(frames, dtype=torch.float32).to(device)
     if not torch.isfinite(frames).all():
         raise ValueError("photographs with NaN or infinite pixels given; photograph again")
-    outputs = forward(trained.network, method.inputs(frames, rig), precision)
+    outputs = forward(trained.network, method.inputs(frames, geometry), precision)
     phi_h, phi_r = method.phases(outputs)
-    maps = (phi_h, phi_r, method.absolute(outputs, rig), rig.one_photograph(phi_h))
+    maps = (phi_h, phi_r, method.absolute_phase(outputs, geometry), geometry.from_one_phase(phi_h))
     arrays = ([None] * len(frames) if m is None else m.cpu().numpy() for m in maps)
-    return [Measured(*maps) for maps in zip(*arrays, strict=True)]
+    return [Prediction(*maps) for maps in zip(*arrays, strict=True)]
 
 
 def open_split(
@@ -93,7 +95,7 @@ def open_split(
     ValueError
         If camera or pitches are not those the network was trained for, or it does not say.
     """
-    lacking = [k for k in ("pitches", "camera", "extremes") if k not in trained.about]
+    lacking = [k for k in ("pitches", "camera", "extremes") if k not in trained.metadata]
     if lacking:
         raise ValueError(f"these weights do not say for which {lacking[0]} they are")
     data = SynthFringe(
@@ -102,16 +104,16 @@ def open_split(
         trained.method.photographs,
         augmentation,
         seed,
-        extremes=trained.about["extremes"],
+        extremes=trained.metadata["extremes"],
         texture=texture,
     )
     camera = data.store.system.camera
     found = {"pitches": dict(data.pitches), "camera": [camera.height, camera.width]}
     for name, value in found.items():
-        if value != trained.about[name]:
+        if value != trained.metadata[name]:
             raise ValueError(
                 f"the dataset has {name} {value}, the network was trained for "
-                f"{trained.about[name]}; a network measures only what it was trained for"
+                f"{trained.metadata[name]}; a network measures only what it was trained for"
             )
     return data
 
@@ -125,7 +127,7 @@ def predictions(
     device: str = "cpu",
     precision: str = "float32",
     progress: bool = False,
-) -> Iterator[tuple[dict[str, np.ndarray], Measured]]:
+) -> Iterator[tuple[dict[str, np.ndarray], Prediction]]:
     """Views of a split, and what the network makes of each.
 
     Parameters
@@ -140,16 +142,16 @@ def predictions(
     """
     where = device_of(device)
     precision = precision_of(precision, where)
-    rig = Rig.of(data.store.system, data.pitches, data.extremes).to(where)
+    geometry = Geometry.of(data.store.system, data.pitches, data.extremes).to(where)
     network = trained.network.to(where, memory_format=torch.channels_last)
     if precision != "float32":
         trained = replace(trained, network=lowered(network, PRECISIONS[precision]))
     chosen = data if views is None else Subset(data, views)
-    loader = DataLoader(chosen, BATCH, **processes(workers))
+    loader = DataLoader(chosen, BATCH, **loader_options(workers))
     bar = tqdm(total=len(chosen), unit="view", disable=not progress, leave=False)
     with closing(loader), bar:
         for batch in loader:
-            found = measure(trained, batch["frames"], rig, precision)
+            found = predict_batch(trained, batch["frames"], geometry, precision)
             arrays = {k: v.numpy() for k, v in batch.items()}
             for k, one in enumerate(found):
                 yield {name: values[k] for name, values in arrays.items()}, one
@@ -194,16 +196,16 @@ def evaluate(
     ):
         if truth is not None:
             item = {k: v.numpy() for k, v in truth[at].items()}
-        true = item | {"phi_r": true_second(trained.method, item)}
+        true = item | {"phi_r": true_reference(trained.method, item)}
         model = int(item["model"])
         both.add(model, errors(found.Phi, found.phi_h, found.phi_r, true, system, pitch))
-        alone.add(model, errors(found.alone, found.phi_h, None, true, system, pitch))
+        alone.add(model, errors(found.Phi_from_one, found.phi_h, None, true, system, pitch))
         if each is not None:
             each(item, found)
     return both, alone
 
 
-def save_points(path: str | Path, item: dict, found: Measured, data: SynthFringe) -> int:
+def save_points(path: str | Path, item: dict, found: Prediction, data: SynthFringe) -> int:
     """Write the points of one view as PLY, grey as its first photograph; returns their number."""
     Phi = np.where(item["mask"], found.Phi, np.nan)
     points = triangulate(column(Phi, data.pitches["high"]), data.store.system)

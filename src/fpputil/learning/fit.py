@@ -8,8 +8,8 @@ import torch
 
 from fpputil.checks import whole
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.learning.config import Settings
-from fpputil.learning.devices import precision_of, world
+from fpputil.learning.config import TrainingConfig
+from fpputil.learning.devices import precision_of, processes
 from fpputil.learning.loaders import (
     Batches,
     closing,
@@ -20,14 +20,14 @@ from fpputil.learning.loaders import (
 from fpputil.learning.run import begin, claim, describe
 from fpputil.learning.trainer import Trainer
 from fpputil.learning.weights import Trained
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.methods import Method
 
 
 def fit(
     method: Method,
     path: str | Path,
-    settings: Settings,
+    settings: TrainingConfig,
     out: str | Path | None = None,
     *,
     resume: bool = False,
@@ -77,11 +77,11 @@ def fit(
     out, workers = None if out is None else Path(out), whole("workers", workers, 0)
     if resume and out is None:
         raise ValueError("resume without a folder given; a run is resumed from its folder")
-    with world(device) as where, torch.random.fork_rng():
+    with processes(device) as where, torch.random.fork_rng():
         shots = method.photographs
         data = SynthFringe(path, "training", shots, settings.augmentation, settings.seed)
-        if settings.views:
-            data.indices = data.indices[spread(data, settings.views)]
+        if settings.training_views:
+            data.indices = data.indices[spread(data, settings.training_views)]
         checked = SynthFringe(path, "validation", shots, extremes=data.extremes)
         precision = precision_of(settings.precision, where.device)
         about = describe(method, settings, data, precision, start, where.size)
@@ -91,14 +91,16 @@ def fit(
         run = begin(method, settings, len(batches), where, start)
         if resume:
             run.go_on(out)
-        rig = Rig.of(data.store.system, data.pitches, data.extremes).to(where.device)
+        geometry = Geometry.of(data.store.system, data.pitches, data.extremes).to(where.device)
         trainer = Trainer(
-            method, settings, rig, where, precision, run, out, about, data, batches, progress
+            method, settings, geometry, where, precision, run, out, about, data, batches, progress
         )
         share = (min(workers, 1), where.rank, where.size)
         loaders = (
             training_loader(data, batches, workers),
-            validation_loader(checked, spread(checked, settings.validate), settings.batch, *share),
+            validation_loader(
+                checked, spread(checked, settings.validation_views), settings.batch, *share
+            ),
         )
         with closing(*loaders):
             trainer.train(*loaders)

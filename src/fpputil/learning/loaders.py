@@ -52,7 +52,7 @@ class Batches(Sampler):
 
 def training_loader(data: SynthFringe, batches: Batches, workers: int) -> DataLoader:
     """Loader of batches in the order of `batches`."""
-    return DataLoader(data, batch_sampler=batches, **processes(workers))
+    return DataLoader(data, batch_sampler=batches, **loader_options(workers))
 
 
 def spread(data: SynthFringe, most: int) -> list[int]:
@@ -65,7 +65,7 @@ def validation_loader(
     data: SynthFringe, views: list[int], size: int, workers: int, rank: int = 0, ranks: int = 1
 ) -> DataLoader:
     """Loader of those of the views that fall to one of several processes."""
-    return DataLoader(Subset(data, views[rank::ranks]), size, **processes(workers))
+    return DataLoader(Subset(data, views[rank::ranks]), size, **loader_options(workers))
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def closing(*loaders: DataLoader):
                 loader._iterator._shutdown_workers()
 
 
-def processes(workers: int) -> dict:
+def loader_options(workers: int) -> dict:
     """Options of a loader whose processes leave it to the one that trains when to stop."""
     if not whole("workers", workers, 0):
         return {"num_workers": 0}

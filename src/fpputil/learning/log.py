@@ -13,7 +13,7 @@ from fpputil import plotting
 from fpputil.files import write_whole
 
 
-def write_history(out: Path, history: list[dict]) -> None:
+def write_log(out: Path, history: list[dict]) -> None:
     """Write log.csv and curve.png, each whole or not at all.
 
     Parameters
@@ -29,13 +29,13 @@ def write_history(out: Path, history: list[dict]) -> None:
     table.writerows(history)
     write_whole(out / "log.csv", text.getvalue().encode())
     figure = Figure(figsize=(8, 3), layout="constrained")
-    draw_history(figure.subplots(1, 3), history)
+    plot_log(figure.subplots(1, 3), history)
     picture = io.BytesIO()
     figure.savefig(picture, format="png")
     write_whole(out / "curve.png", picture.getvalue())
 
 
-def read_history(path: str | Path) -> list[dict[str, float]]:
+def read_log(path: str | Path) -> list[dict[str, float]]:
     """Rows of a log.csv, numbers as floats.
 
     Raises
@@ -53,7 +53,7 @@ def read_history(path: str | Path) -> list[dict[str, float]]:
     return rows
 
 
-def draw_history(axes: list[Axes], history: list[dict]) -> None:
+def plot_log(axes: list[Axes], history: list[dict]) -> None:
     """Loss, validation MAE and wrong orders against images seen, on three axes."""
     images = [row["images"] for row in history]
     curves = (

@@ -15,9 +15,9 @@ from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.decoding.unwrap import TWO_PI
 from fpputil.learning.devices import PRECISIONS, device_of, precision_of
-from fpputil.learning.evaluation import measure
+from fpputil.learning.evaluation import predict_batch
 from fpputil.learning.weights import Trained
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import System
@@ -30,7 +30,7 @@ ALIKE = 0.97  # correlation of photographs of one pitch
 
 
 @dataclass(frozen=True, eq=False)
-class Photographs:
+class CheckedPhotographs:
     """What a prediction starts from; `photographs` makes it.
 
     Frames (F, H, W) in grey levels 0 to 255, the frequency of each by name, what is known about
@@ -59,7 +59,7 @@ class Photographs:
 
 
 @dataclass(frozen=True, eq=False)
-class Predicted:
+class DepthPrediction:
     """Maps (H, W) in float32, NaN outside the mask of `fringes_seen`.
 
     Phases in radians (phi_r is NaN if the method has none), the projector column in pixels, the
@@ -75,20 +75,20 @@ class Predicted:
     mask: np.ndarray
 
 
-def wanted(trained: Trained) -> list[str]:
+def expected_photographs(trained: Trained) -> list[str]:
     """The photographs that a network wants, in order and in words."""
-    if lacking := {"pitches", "camera", "extremes"} - set(trained.about):
+    if lacking := {"pitches", "camera", "extremes"} - set(trained.metadata):
         raise ValueError(f"these weights do not say for which {min(lacking)} they are")
-    pitches, shots = trained.about["pitches"], trained.method.photographs
+    pitches, shots = trained.metadata["pitches"], trained.method.photographs
     return [f"pitch {pitches[name]:g} ({name}), step {n} of {steps}" for name, steps, n in shots]
 
 
-def photographs(trained: Trained, images, system: System) -> Photographs:
+def check_photographs(trained: Trained, images, system: System) -> CheckedPhotographs:
     """Pictures (H, W) of grey levels 0 to 255, checked against network and system.
 
     ValueError if their number or size is wrong, or one is black, holds NaN or has no fringes.
     """
-    order, camera = wanted(trained), system.camera
+    order, camera = expected_photographs(trained), system.camera
     if len(images) != len(order):
         texts = "; ".join(f"{k}. {text}" for k, text in enumerate(order, 1))
         raise ValueError(f"{len(images)} photographs given; {len(order)} are needed: {texts}")
@@ -108,13 +108,13 @@ def photographs(trained: Trained, images, system: System) -> Photographs:
             )
     names = tuple(name for name, *_ in trained.method.photographs)
     columns = system.columns_at((system.z_min + system.z_max) / 2)
-    shown = Photographs(frames, names, trained.about, system, columns)
+    shown = CheckedPhotographs(frames, names, trained.metadata, system, columns)
     if not fringes_seen(shown).any():
         raise ValueError(f"no fringes seen; a modulation above {THRESHOLD:g} grey levels is needed")
     return shown
 
 
-def fringes_seen(shown: Photographs) -> np.ndarray:
+def fringes_seen(shown: CheckedPhotographs) -> np.ndarray:
     """Where there are fringes, (H, W) bool: a guess, as one photograph has no modulation.
 
     Half the height from troughs to crests around a pixel must exceed `THRESHOLD`. Crests come
@@ -130,7 +130,9 @@ def fringes_seen(shown: Photographs) -> np.ndarray:
     return (crests - troughs) / 2 > THRESHOLD
 
 
-def predict(trained: Trained, shown: Photographs, device="cpu", precision="auto") -> Predicted:
+def predict(
+    trained: Trained, shown: CheckedPhotographs, device="cpu", precision="auto"
+) -> DepthPrediction:
     """Phases, depth and points; ValueError if none is in the measuring range. Chapter 8."""
     where, system, mask = device_of(device), shown.system, fringes_seen(shown)
     precision = precision_of(precision, where)
@@ -138,9 +140,9 @@ def predict(trained: Trained, shown: Photographs, device="cpu", precision="auto"
     if precision != "float32":
         network = lowered(network, PRECISIONS[precision])
     pitches, (low, high) = shown.about["pitches"], shown.about["extremes"]
-    rig = Rig.of(system, pitches, (low, high)).to(where)
+    geometry = Geometry.of(system, pitches, (low, high)).to(where)
     frames = (shown.frames - low) / (high - low)
-    (found,) = measure(replace(trained, network=network), frames[None], rig, precision)
+    (found,) = predict_batch(replace(trained, network=network), frames[None], geometry, precision)
     phases = (found.phi_h, np.nan if found.phi_r is None else found.phi_r, found.Phi)
     phi_h, phi_r, Phi = (np.where(mask, phase, np.nan) for phase in phases)
     points = triangulate(i := column(Phi, pitches["high"]), system)
@@ -153,10 +155,10 @@ def predict(trained: Trained, shown: Photographs, device="cpu", precision="auto"
         )
     points[~inside] = np.nan
     maps = (a.astype(np.float32) for a in (phi_h, phi_r, Phi, i, depth))
-    return Predicted(*maps, points, mask)
+    return DepthPrediction(*maps, points, mask)
 
 
-def oddities(shown: Photographs) -> list[str]:
+def warnings(shown: CheckedPhotographs) -> list[str]:
     """What is unlike the photographs of the training, in sentences."""
     mask = fringes_seen(shown)
     return [*_odd_size(shown), *_odd_levels(shown, mask), *_odd_pitches(shown, mask)]

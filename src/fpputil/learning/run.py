@@ -13,8 +13,8 @@ from torch import nn
 from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
 
 from fpputil.learning.checkpoint import read_about, restore, save_checkpoint
-from fpputil.learning.config import Settings
-from fpputil.learning.devices import World
+from fpputil.learning.config import TrainingConfig
+from fpputil.learning.devices import Processes
 from fpputil.learning.weights import Trained, checksum
 from fpputil.networks.methods import settings_of
 
@@ -65,22 +65,30 @@ class Run:
         self.sums, self.seconds = about["sums"], about["seconds"]
 
 
-def begin(method, settings: Settings, steps: int, where: World, start: Trained | None) -> Run:
+def begin(
+    method, settings: TrainingConfig, steps: int, where: Processes, start: Trained | None
+) -> Run:
     """First weights, optimiser and schedule."""
     torch.manual_seed(settings.seed)
     network = method.network()
     if start is not None:
         network.load_state_dict(start.network.state_dict())
     network.to(where.device, memory_format=torch.channels_last)
-    optimiser = torch.optim.AdamW(network.parameters(), settings.rate, weight_decay=settings.decay)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), settings.learning_rate, weight_decay=settings.weight_decay
+    )
     if settings.schedule == "one-cycle":
         schedule = OneCycleLR(
-            optimiser, settings.rate, settings.epochs * steps, pct_start=0.15, cycle_momentum=False
+            optimiser,
+            settings.learning_rate,
+            settings.epochs * steps,
+            pct_start=0.15,
+            cycle_momentum=False,
         )
     else:
         # torch counts the epochs it lets pass, not the one after which it acts
         schedule = ReduceLROnPlateau(
-            optimiser, factor=0.5, patience=settings.wait - 1, threshold=0.0
+            optimiser, factor=0.5, patience=settings.plateau_patience - 1, threshold=0.0
         )
     return Run(network, optimiser, schedule, [])
 
@@ -103,7 +111,7 @@ def describe(method, settings, data, precision: str, start: Trained | None, size
     return {
         "method": settings_of(method),
         "settings": {**asdict(settings), "augmentation": asdict(settings.augmentation)},
-        "data": data.store.manifest["content"],
+        "data": data.store.name,
         "precision": precision,
         "start": None if start is None else checksum(start.network),
         "processes": size,

@@ -16,13 +16,13 @@ from torch.utils.data import DataLoader
 from tqdm.std import tqdm
 
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.learning.config import Settings
-from fpputil.learning.devices import World, forward, hardware
+from fpputil.learning.config import TrainingConfig
+from fpputil.learning.devices import Processes, forward, hardware
 from fpputil.learning.loaders import Batches
-from fpputil.learning.log import write_history
+from fpputil.learning.log import write_log
 from fpputil.learning.run import Run
 from fpputil.learning.weights import Trained, save_weights
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.networks.methods import Method
 from fpputil.signals import stopping
 
@@ -34,9 +34,9 @@ class Trainer:
     """A run and all that it works with; `fit` puts it together."""
 
     method: Method
-    settings: Settings
-    rig: Rig
-    where: World
+    settings: TrainingConfig
+    geometry: Geometry
+    where: Processes
     precision: str
     run: Run
     out: Path | None
@@ -67,7 +67,7 @@ class Trainer:
                 bar.set_postfix(self._shown())
 
     def _patience_ended(self) -> bool:
-        return 0 < self.settings.patience <= self.run.waited
+        return 0 < self.settings.early_stopping <= self.run.waited
 
     def _epoch(self, network, loader, bar, stopped) -> None:
         run, start = self.run, time.perf_counter()
@@ -91,7 +91,7 @@ class Trainer:
         """One step of the optimiser."""
         run = self.run
         outputs = self._forward(network, batch)
-        losses = {k: v.mean() for k, v in self.method.losses(outputs, batch, self.rig).items()}
+        losses = {k: v.mean() for k, v in self.method.losses(outputs, batch, self.geometry).items()}
         if not torch.isfinite(losses["total"]):
             raise FloatingPointError(
                 f"the loss is {losses['total'].item()} in epoch {len(run.history) + 1}, batch "
@@ -99,7 +99,7 @@ class Trainer:
             )
         run.optimiser.zero_grad(set_to_none=True)
         losses["total"].backward()
-        nn.utils.clip_grad_norm_(run.network.parameters(), self.settings.clip)
+        nn.utils.clip_grad_norm_(run.network.parameters(), self.settings.max_grad_norm)
         run.optimiser.step()
         if isinstance(run.schedule, OneCycleLR):
             run.schedule.step()
@@ -107,7 +107,7 @@ class Trainer:
             run.sums[k] = run.sums.get(k, 0.0) + v.item()
 
     def _forward(self, network, batch: dict):
-        return forward(network, self.method.inputs(batch["frames"], self.rig), self.precision)
+        return forward(network, self.method.inputs(batch["frames"], self.geometry), self.precision)
 
     @torch.no_grad()
     def _validate(self, loader) -> dict[str, float]:
@@ -117,7 +117,7 @@ class Trainer:
         for batch in loader:
             batch = {k: v.to(self.where.device) for k, v in batch.items()}
             outputs = self._forward(self.run.network, batch)
-            Phi = self.method.absolute(outputs, self.rig)
+            Phi = self.method.absolute_phase(outputs, self.geometry)
             e = (Phi - batch["Phi"])[batch["mask"]].abs().double()
             number += len(e)
             total, square = total + e.sum().item(), square + (e**2).sum().item()
@@ -147,7 +147,7 @@ class Trainer:
             {
                 "epoch": len(run.history) + 1,
                 "images": images * (len(run.history) + 1),
-                "rate": rate,
+                "learning_rate": rate,
                 **means,
                 **measured,
                 "seconds": run.seconds,
@@ -160,7 +160,7 @@ class Trainer:
                 save_weights(self.out / WEIGHTS, self.trained())
         self._save()
         if self.out is not None and self.where.rank == 0:
-            write_history(self.out, run.history)
+            write_log(self.out, run.history)
 
     def _shared_sums(self) -> dict[str, float]:
         """Sums of the losses so far, averaged over the processes."""
@@ -183,9 +183,9 @@ class Trainer:
 
     def trained(self) -> Trained:
         """The network as it is now, with what one needs to use it."""
-        camera, history = self.rig.system.camera, self.run.history
-        about = {
-            "pitches": self.rig.pitches,
+        camera, history = self.geometry.system.camera, self.run.history
+        metadata = {
+            "pitches": self.geometry.pitches,
             "camera": [camera.height, camera.width],
             "extremes": list(self.data.extremes),
             "data": self.about["data"],
@@ -198,4 +198,4 @@ class Trainer:
                 "hardware": hardware(self.where.device) | {"processes": self.where.size},
             },
         }
-        return Trained(self.method, self.run.network.eval(), about)
+        return Trained(self.method, self.run.network.eval(), metadata)

@@ -1,11 +1,11 @@
-"""Weights on disk: safetensors with the method, its data and its metrics inside (chapter 8)."""
+"""Weights on disk: safetensors with the method and its data inside (chapter 8)."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import safetensors
@@ -16,7 +16,7 @@ from torch import nn
 from fpputil.files import write_whole
 from fpputil.networks.methods import Method, method_of, settings_of
 
-FORMAT = "fpputil weights 1"
+FORMAT = "fpputil weights 2"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +28,14 @@ class Trained:
     method : Method
     network : nn.Module
         In float32, in evaluation mode.
-    about : dict
+    metadata : dict
         pitches and camera (H, W) of the dataset, extremes of its grey levels, and whatever else
-        was known when it was saved: data checksum, metrics.
+        was known when it was saved: name of the dataset, course of the training.
     """
 
     method: Method
     network: nn.Module
-    about: dict = field(default_factory=dict)
+    metadata: dict = field(default_factory=dict)
 
 
 def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> None:
@@ -52,8 +52,8 @@ def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> Non
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             raise ValueError(f"{name} has weights that are not finite in {dtype}; nothing is saved")
-    about = {"format": FORMAT, "method": settings_of(trained.method), **trained.about}
-    write_whole(path, save(tensors, {"about": json.dumps(about)}))
+    metadata = {"format": FORMAT, "method": settings_of(trained.method), **trained.metadata}
+    write_whole(path, save(tensors, {"metadata": json.dumps(metadata)}))
 
 
 def load_weights(path: str | Path) -> Trained:
@@ -71,43 +71,68 @@ def load_weights(path: str | Path) -> Trained:
         raise FileNotFoundError(f"{path} given; there is no such file of weights")
     try:
         with safetensors.safe_open(path, "pt") as file:
-            about = json.loads((file.metadata() or {}).get("about", "null"))
+            metadata = json.loads((file.metadata() or {}).get("metadata", "null"))
         tensors = load(path.read_bytes())
     except (safetensors.SafetensorError, json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is cut or not a safetensors file ({error})") from error
-    found = about.pop("format", None) if isinstance(about, dict) else None
+    found = metadata.pop("format", None) if isinstance(metadata, dict) else None
     if found != FORMAT:
         kinds = {"fpputil run": "is the checkpoint of a run; weights.safetensors is beside it",
                  "fpputil weights": "was written by another version of fpputil"}  # fmt: skip
         said = [v for k, v in kinds.items() if str(found).startswith(k)]
         raise ValueError(f"{path} {(said or ['is not a file of weights of fpputil'])[0]}")
-    method = _method(about.pop("method", None), path)
+    method = _method(metadata.pop("method", None), path)
     with torch.random.fork_rng(devices=[]):
         network = method.network()
     _fill(network, tensors, path)
-    return Trained(method, network.eval(), about)
+    return Trained(method, network.eval(), metadata)
 
 
-def record(path: str | Path, trained: Trained, split: str, found: dict) -> None:
-    """Write what was measured on a split into the file measured, and as JSON beside it.
+def write_metrics(path: str | Path, trained: Trained, split: str, measures: dict) -> Path:
+    """Write what was measured on a split as JSON beside the weights, other splits kept.
 
-    The weights stay as they are. NaN, for what could not be measured, becomes null.
+    NaN, for what could not be measured, becomes null.
 
     Parameters
     ----------
     path : path
         From which `trained` was loaded.
+
+    Returns
+    -------
+    Path
+        The JSON file.
+
+    Raises
+    ------
+    ValueError
+        If the file of weights holds another network by now, or there is something else at the
+        place of the JSON file.
     """
-    path = _name(path)
+    path, beside = _name(path), _name(path).with_suffix(".json")
     if checksum(load_weights(path).network) != checksum(trained.network):
         raise ValueError(f"{path} is no longer the network that was measured; nothing is recorded")
-    with safetensors.safe_open(path, "pt") as file:
-        dtype = file.get_tensor(next(iter(file.keys()))).dtype
-    metrics = {**trained.about.get("metrics", {}), split: short(found)}
-    after = replace(trained, about={**trained.about, "metrics": metrics})
-    save_weights(path, after, dtype)
-    text = json.dumps({"method": settings_of(trained.method), **after.about}, indent=1)
-    write_whole(path.with_suffix(".json"), f"{text}\n".encode())
+    metrics = (read_metrics(path) if beside.exists() else {}) | {split: short(measures)}
+    metadata = {"method": settings_of(trained.method), **trained.metadata, "metrics": metrics}
+    write_whole(beside, f"{json.dumps(metadata, indent=1)}\n".encode())
+    return beside
+
+
+def read_metrics(path: str | Path) -> dict[str, dict]:
+    """What `write_metrics` wrote beside weights, by split.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such file, or it holds something else.
+    """
+    beside = _name(path).with_suffix(".json")
+    if not beside.is_file():
+        raise FileNotFoundError(f"{beside} is not there; measure first: fpp evaluate {path} --json")
+    try:
+        return dict(json.loads(beside.read_text(encoding="utf-8"))["metrics"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{beside} holds no metrics of weights ({error}); remove it") from error
 
 
 def short(value):

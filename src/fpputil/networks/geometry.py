@@ -9,12 +9,12 @@ import torch
 from torch import Tensor
 
 from fpputil.decoding.minimum_phase import minimum_phase, two_phase_absolute, zmin_order
-from fpputil.decoding.unwrap import TWO_PI, absolute, mf_tpu
+from fpputil.decoding.unwrap import TWO_PI, absolute_phase, mf_tpu
 from fpputil.optics.system import FREQUENCIES, System
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class Geometry:
     """Pitches, minimum phases and reference plane of a system.
 
     Parameters
@@ -23,9 +23,9 @@ class Rig:
         Camera, projector and measuring range.
     pitches : dict
         Of "high", "mid", "zmin", "unit", projector pixels.
-    lowest : dict of (H, W) float32 tensors
+    Phi_min : dict of (H, W) float32 tensors
         Minimum phase of each of these pitches, centred. At "high" and "mid" it is ambiguous.
-    plane : (H, W) float32 tensor
+    Phi_plane : (H, W) float32 tensor
         Absolute phase of the high pitch on the plane z_max, radians; NaN where it is not lit.
     extremes : (low, high)
         Grey levels that are 0 and 1 to a network.
@@ -33,13 +33,13 @@ class Rig:
 
     system: System
     pitches: dict[str, float]
-    lowest: dict[str, Tensor]
-    plane: Tensor
+    Phi_min: dict[str, Tensor]
+    Phi_plane: Tensor
     extremes: tuple[float, float]
 
     @classmethod
-    def of(cls, system: System, pitches: dict[str, float], extremes=(0.0, 255.0)) -> Rig:
-        """Rig of a system and its pitches."""
+    def of(cls, system: System, pitches: dict[str, float], extremes=(0.0, 255.0)) -> Geometry:
+        """Geometry of a system and its pitches."""
         lowest = {
             k: minimum_phase(system, pitches[k], ambiguous=k in ("high", "mid"))
             for k in FREQUENCIES
@@ -51,12 +51,12 @@ class Rig:
         plane = torch.as_tensor(plane, dtype=torch.float32)
         return cls(system, dict(pitches), tensors, plane, tuple(extremes))
 
-    def to(self, device) -> Rig:
-        """The same rig with its tensors on a device."""
-        lowest = {k: v.to(device) for k, v in self.lowest.items()}
-        return replace(self, lowest=lowest, plane=self.plane.to(device))
+    def to(self, device) -> Geometry:
+        """The same geometry with its tensors on a device."""
+        lowest = {k: v.to(device) for k, v in self.Phi_min.items()}
+        return replace(self, Phi_min=lowest, Phi_plane=self.Phi_plane.to(device))
 
-    def absolute(self, phi_h, phi, Phi_min=None, name: str = "zmin"):
+    def absolute_phase(self, phi_h, phi, Phi_min=None, name: str = "zmin"):
         """Phi of the high pitch from its wrapped phase and that of a lower one (Eq. 9, 4, 6).
 
         Parameters
@@ -68,14 +68,14 @@ class Rig:
         name : str
             Of the lower pitch.
         """
-        Phi_min = self.lowest[name] if Phi_min is None else Phi_min
+        Phi_min = self.Phi_min[name] if Phi_min is None else Phi_min
         return two_phase_absolute(phi_h, phi, Phi_min, self.pitches["high"], self.pitches[name])
 
-    def one_photograph(self, phi_h):
+    def from_one_phase(self, phi_h):
         """Phi of the high pitch from its wrapped phase alone: the control of every table."""
-        return absolute(phi_h, zmin_order(phi_h, self.lowest["high"]))
+        return absolute_phase(phi_h, zmin_order(phi_h, self.Phi_min["high"]))
 
-    def by_frequencies(self, phis: dict[str, Tensor]):
+    def from_frequencies(self, phis: dict[str, Tensor]):
         """Phi of the high pitch by multi-frequency unwrapping of phases by name (Eq. 4-7)."""
         names = sorted(phis, key=lambda k: -self.pitches[k])
         pitches = [self.pitches[k] for k in names]

@@ -65,13 +65,13 @@ class Pixels:
         return self.total(values, at) / self.total(torch.ones_like(values), at).clamp(min=1)
 
 
-def squared(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
+def mean_squared(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
     """Mean squared error of values (P,) or (P, ...): a term of Eq. 12. Chapter 8."""
     e = (predicted - true) ** 2
     return pixels.mean(e.flatten(1).mean(1) if e.ndim > 1 else e)
 
 
-def absolute(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
+def mean_absolute(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
     """Mean absolute error of values (P,): ours, in place of the squares of Eq. 12. Chapter 8."""
     return pixels.mean((predicted - true).abs())
 
@@ -146,7 +146,7 @@ class Weights:
         phi_h, Phi_predicted, Phi : (P,) tensors
             Predicted wrapped phase of the high pitch, predicted and true absolute phase.
         """
-        error = absolute if self.l1 else squared
+        error = mean_absolute if self.l1 else mean_squared
         residual = Phi_predicted - Phi
         residual = residual if self.order else wrap(residual)
         pairs = [*zip(components, targets, strict=True), (residual, torch.zeros_like(residual))]

@@ -7,11 +7,11 @@ from torch import Tensor
 
 from fpputil.decoding.phase import numerator_denominator, wrapped_phase
 from fpputil.decoding.unwrap import TWO_PI
-from fpputil.networks.geometry import Rig
+from fpputil.networks.geometry import Geometry
 from fpputil.optics.system import FREQUENCIES
 
 
-def noiseless(batch: dict, name: str, steps: int, rig: Rig) -> Tensor:
+def noiseless(batch: dict, name: str, steps: int, geometry: Geometry) -> Tensor:
     """Photographs of all steps of a frequency, on the scale of the inputs (Eq. 1). Chapter 9.
 
     With M and D of unit length and modulation B, step n is
@@ -25,15 +25,15 @@ def noiseless(batch: dict, name: str, steps: int, rig: Rig) -> Tensor:
     delta = TWO_PI * torch.arange(steps, device=batch["M"].device)[:, None, None] / steps
     at = FREQUENCIES.index(name)
     M, D, modulation = batch["M"][:, [at]], batch["D"][:, [at]], batch["modulation"][:, None]
-    low, high = rig.extremes
+    low, high = geometry.extremes
     return (modulation * (1 + D * delta.cos() + M * delta.sin()) - low) / (high - low)
 
 
-def true_second(method, item: dict):
+def true_reference(method, item: dict):
     """True second wrapped phase (..., H, W) of a method, or None; of items of `SynthFringe`."""
-    if method.second in (None, "refined"):
-        return item["phi_r"] if method.second else None
-    at = FREQUENCIES.index(method.second)
+    if method.reference in (None, "refined"):
+        return item["phi_r"] if method.reference else None
+    at = FREQUENCIES.index(method.reference)
     return wrapped_phase(item["M"][..., at, :, :], item["D"][..., at, :, :])
 
 

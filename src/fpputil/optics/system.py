@@ -68,7 +68,9 @@ class System:
     def save(self, path: str | os.PathLike) -> None:
         """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
         path = Path(path)
-        text = _to_yaml(self) if _is_yaml(path) else json.dumps(to_dict(self), indent=2) + "\n"
+        text = (
+            _to_yaml(self) if _is_yaml(path) else json.dumps(system_to_dict(self), indent=2) + "\n"
+        )
         write_whole(path, text.encode())
 
     @classmethod
@@ -79,7 +81,7 @@ class System:
             raise FileNotFoundError(f"{path} given; there is no such system file")
         try:
             read = _from_yaml if _is_yaml(path) else json.loads
-            return from_dict(read(path.read_text()))
+            return system_from_dict(read(path.read_text()))
         except (
             *(KeyError, TypeError, ValueError, OverflowError, RecursionError),
             *(SystemError, cv2.error),  # OpenCV's parser
@@ -146,7 +148,7 @@ def _is_yaml(path: Path) -> bool:
     return path.suffix != ".json"
 
 
-def to_dict(system: System) -> dict:
+def system_to_dict(system: System) -> dict:
     """A system as plain numbers, as JSON holds it."""
 
     def pinhole(p):
@@ -161,7 +163,7 @@ def to_dict(system: System) -> dict:
     }
 
 
-def from_dict(data: dict) -> System:
+def system_from_dict(data: dict) -> System:
     """The system that `to_dict` took apart; KeyError, TypeError or ValueError if not whole."""
 
     def pinhole(p):
@@ -180,7 +182,7 @@ def _same_keys(given: dict, needed: tuple) -> None:
 
 def _to_yaml(system: System) -> str:
     store = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    for key, value in to_dict(system).items():
+    for key, value in system_to_dict(system).items():
         if not isinstance(value, dict):
             store.write(key, value)
             continue
@@ -209,7 +211,7 @@ def _from_yaml(text: str) -> dict:
     return {**pinholes, "z_min": value("z_min"), "z_max": value("z_max")}
 
 
-def system_of(name: str) -> System:
+def load_system(name: str) -> System:
     """The system of a preset or of a file. Chapter 2.
 
     Raises

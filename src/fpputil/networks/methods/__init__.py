@@ -5,7 +5,7 @@ A method is a frozen dataclass of plain settings with
 - ``photographs``, as `SynthFringe` names them, and ``inputs``, what the network sees of them;
 - ``network``, with fresh weights, and ``losses``, of which "total" is the one to minimise;
 - ``phases`` and ``absolute``, the wrapped phases of its outputs and Phi of the high pitch;
-- ``second``, the frequency of the second of these phases, "refined" for the refined reference.
+- ``reference``, the frequency of the second of these phases, "refined" for the refined reference.
 """
 
 from __future__ import annotations
@@ -26,8 +26,6 @@ METHODS = {
 }
 Method = SFNetMethod | SIDOMethod | PSNetMethod | DLALNetMethod
 
-LATER = {"sfnet": {"second": "refined"}}  # settings that older files do not name
-
 
 def settings_of(method: Method) -> dict:
     """A method as plain numbers and names, as JSON holds it."""
@@ -47,7 +45,6 @@ def method_of(settings: dict) -> Method:
     name = given.pop("method")
     if name not in METHODS:
         raise ValueError(f"method {name!r} is not known")
-    given = LATER.get(name, {}) | given
     if given.get("weights") is not None:
         given["weights"] = Weights(**given["weights"])
     known = {f.name for f in fields(METHODS[name])}

@@ -10,8 +10,8 @@ from torch import Tensor, nn
 
 from fpputil.decoding.phase import wrapped_phase
 from fpputil.networks.dlalnet import DLALNet
-from fpputil.networks.geometry import Rig
-from fpputil.networks.losses import Pixels, Weights, squared
+from fpputil.networks.geometry import Geometry
+from fpputil.networks.losses import Pixels, Weights, mean_squared
 from fpputil.optics.system import FREQUENCIES, STEPS, Frame
 
 NAMES = ("high", "mid", "unit")
@@ -35,7 +35,7 @@ class DLALNetMethod:
     weights: Weights | None = None
 
     photographs: ClassVar[tuple[Frame, ...]] = tuple((name, STEPS, 0) for name in NAMES)
-    second: ClassVar[str] = "unit"
+    reference: ClassVar[str] = "unit"
 
     def __post_init__(self):
         with torch.device("meta"):
@@ -45,7 +45,7 @@ class DLALNetMethod:
         """The network, its weights drawn from torch's generator."""
         return DLALNet(self.base, self.levels, self.dropout)
 
-    def inputs(self, frames: Tensor, rig: Rig) -> Tensor:
+    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
         """What the network sees of photographs (B, 3, H, W): those."""
         return frames
 
@@ -54,21 +54,21 @@ class DLALNetMethod:
         phis = _wrapped(outputs)
         return phis["high"], phis["unit"]
 
-    def absolute(self, outputs: Tensor, rig: Rig) -> Tensor:
+    def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
         """Phi of the high pitch, radians, by three-frequency unwrapping (Eq. 4-7)."""
-        return rig.by_frequencies(_wrapped(outputs))
+        return geometry.from_frequencies(_wrapped(outputs))
 
-    def losses(self, outputs: Tensor, batch: dict, rig: Rig) -> dict[str, Tensor]:
+    def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
         """Mean squared error of M and D, or the losses of SFNet, (B,) each."""
         pixels = Pixels.of(batch["mask"])
         found = pixels.of_images(outputs)
         at = [FREQUENCIES.index(name) for name in NAMES]
         true = pixels.of_images(torch.stack([batch["M"][:, at], batch["D"][:, at]], 2))
         if self.weights is None:
-            return {"total": squared(pixels, found, true)}
+            return {"total": mean_squared(pixels, found, true)}
         phi_h, _ = self.phases(found)
         components, targets = (a.flatten(1).unbind(1) for a in (found, true))
-        Phi, seen = self.absolute(found, rig), batch["Phi"][pixels.mask]
+        Phi, seen = self.absolute_phase(found, geometry), batch["Phi"][pixels.mask]
         return self.weights.losses(pixels, components, targets, phi_h, Phi, seen)
 
 

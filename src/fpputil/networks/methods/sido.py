@@ -8,10 +8,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from fpputil.decoding.unwrap import absolute, fringe_order
+from fpputil.decoding.unwrap import absolute_phase, fringe_order
 from fpputil.networks import sido
-from fpputil.networks.geometry import Rig
-from fpputil.networks.losses import Pixels, squared
+from fpputil.networks.geometry import Geometry
+from fpputil.networks.losses import Pixels, mean_squared
 from fpputil.networks.targets import noiseless, phase_of
 from fpputil.optics.system import STEPS, Frame
 
@@ -37,7 +37,7 @@ class SIDOMethod:
     dropout: float = 0.1
 
     photographs: ClassVar[tuple[Frame, ...]] = (("high", STEPS, 0),)
-    second: ClassVar[None] = None
+    reference: ClassVar[None] = None
 
     def __post_init__(self):
         with torch.device("meta"):
@@ -47,32 +47,34 @@ class SIDOMethod:
         """The network, its weights drawn from torch's generator."""
         return sido.SIDO(self.plane, self.base, self.levels, self.dropout)
 
-    def inputs(self, frames: Tensor, rig: Rig) -> Tensor:
+    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
         """What the network sees of photographs (B, 1, H, W): that of the plane, too."""
         if not self.plane:
             return frames
-        low, high = rig.extremes
-        light = torch.where(rig.plane.isfinite(), 255 / 2 * (1 + rig.plane.cos()), 0)
+        low, high = geometry.extremes
+        light = torch.where(
+            geometry.Phi_plane.isfinite(), 255 / 2 * (1 + geometry.Phi_plane.cos()), 0
+        )
         return torch.cat([frames, ((light - low) / (high - low)).expand_as(frames)], 1)
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, None]:
         """phi_h (B, ...) of outputs (B, 6, ...), radians; there is no second wrapped phase."""
         return phase_of(outputs[:, : sido.STEPS]), None
 
-    def absolute(self, outputs: Tensor, rig: Rig) -> Tensor:
+    def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
         """Phi of the high pitch, radians, (B, H, W): its order is that of the coarse phase."""
         phi_h, _ = self.phases(outputs)
-        ratio = rig.pitches["unit"] / rig.pitches["high"]
-        return absolute(phi_h, fringe_order(phi_h, outputs[:, sido.STEPS], ratio))
+        ratio = geometry.pitches["unit"] / geometry.pitches["high"]
+        return absolute_phase(phi_h, fringe_order(phi_h, outputs[:, sido.STEPS], ratio))
 
-    def losses(self, outputs: Tensor, batch: dict, rig: Rig) -> dict[str, Tensor]:
+    def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
         """Mean squared errors of photographs and of coarse phase, and their sum, (B,) each."""
         pixels = Pixels.of(batch["mask"])
         found = pixels.of_images(outputs)
-        frames = pixels.of_images(noiseless(batch, "high", sido.STEPS, rig))
-        coarse = batch["Phi"][pixels.mask] * (rig.pitches["high"] / rig.pitches["unit"])
+        frames = pixels.of_images(noiseless(batch, "high", sido.STEPS, geometry))
+        coarse = batch["Phi"][pixels.mask] * (geometry.pitches["high"] / geometry.pitches["unit"])
         parts = {
-            "frames": squared(pixels, found[:, : sido.STEPS], frames),
-            "phase": squared(pixels, found[:, sido.STEPS], coarse),
+            "frames": mean_squared(pixels, found[:, : sido.STEPS], frames),
+            "phase": mean_squared(pixels, found[:, sido.STEPS], coarse),
         }
         return {**parts, "total": sum(parts.values())}
