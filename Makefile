@@ -68,7 +68,7 @@ format: install ## mend style and format
 # torch's own metadata pulls nvidia-*, cuda-* and triton where its wheel needs them.
 lock: install ## resolve requirements.lock anew, keeping versions that still fit
 	cp requirements.lock $(VENV)/new.lock
-	$(BIN)/uv pip compile -q pyproject.toml --extra blender --extra cluster --extra dev --universal --python-version 3.11 \
+	$(BIN)/uv pip compile -q pyproject.toml --extra learning --extra blender --extra cluster --extra dev --universal --python-version 3.11 \
 	  -c <(echo torch==2.13.0) --no-annotate --custom-compile-command "make lock" -o $(VENV)/new.lock
 	grep -Ev '^(nvidia|cuda|triton)[-=]' $(VENV)/new.lock > requirements.lock
 

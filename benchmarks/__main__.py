@@ -24,7 +24,7 @@ from benchmarks.timing import median_seconds
 from fpputil.decoding.decoder import BLOCK, decode
 from fpputil.files import write_whole
 from fpputil.optics.fringes import fringe_set
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.system import preset
 from fpputil.probe import blender_works
 
@@ -118,7 +118,7 @@ def bench_view() -> dict:
     mesh = trimesh.creation.uv_sphere(100.0, count=[224, 224])
     mesh.apply_translation((0, 0, 680))
     p = preset("paper")
-    fringes = fringe_set((p.unit, p.zmin, p.mid, p.high), 15)
+    fringes = fringe_set((p.pitches.unit, p.pitches.zmin, p.pitches.mid, p.pitches.high), 15)
     view = raycast(mesh, p.system)
     cast, frames, noisy = median_seconds(
         lambda: raycast(mesh, p.system),

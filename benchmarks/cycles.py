@@ -14,7 +14,7 @@ import numpy as np
 from fpputil.files import write_whole
 from fpputil.optics import blender
 from fpputil.optics.fringes import fringe_set
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import sphere
 from fpputil.optics.system import preset
 
@@ -27,7 +27,7 @@ def bench_cycles(repeats: int = 7) -> dict:
     Both start from the mesh. Ours is timed before and after Cycles, so that a drift shows.
     """
     mesh, p = sphere(), preset("paper")
-    fringes = fringe_set((p.unit, p.zmin, p.mid, p.high), 15)
+    fringes = fringe_set((p.pitches.unit, p.pitches.zmin, p.pitches.mid, p.pitches.high), 15)
 
     def ours():
         return raycast(mesh, p.system).frames(fringes)

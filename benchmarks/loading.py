@@ -12,7 +12,7 @@ from torch.utils.data import DataLoader
 
 from benchmarks.networks import training_seconds
 from fpputil.dataset.augmentation import Augmentation
-from fpputil.dataset.generate import generate
+from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.learning.devices import bfloat16_unit

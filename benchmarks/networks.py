@@ -10,7 +10,7 @@ import torch
 from torch.utils.data import DataLoader
 
 from benchmarks.timing import median_seconds
-from fpputil.dataset.generate import generate
+from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding.decoder import decode
@@ -68,7 +68,7 @@ def bench_measuring(base: int = 16, repeats: int = 7) -> dict:
     trained = [Trained(method, lowered(network, dtype)) for dtype in PRECISIONS.values()]
     two = np.random.default_rng(0).random((1, 2, 480, 640), np.float32)
     many = np.random.default_rng(0).integers(0, 255, (45, 480, 640), np.uint8)
-    fringes = fringe_set(p.descending)
+    fringes = fringe_set(p.pitches.descending)
     ways = [lambda t=t: predict_batch(t, two, geometry) for t in trained]
     single, half, classical = median_seconds(
         *ways, lambda: decode(many, fringes, 912), repeats=repeats

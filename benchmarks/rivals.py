@@ -13,7 +13,7 @@ from benchmarks.timing import median_seconds
 from fpputil.experiments.registry import methods
 from fpputil.learning.evaluation import predict_batch
 from fpputil.learning.weights import Trained
-from fpputil.networks.cost import cost
+from fpputil.networks.complexity import cost
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.methods import METHODS
 from fpputil.optics.system import preset

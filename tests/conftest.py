@@ -5,7 +5,7 @@ import signal
 import pytest
 
 from fpputil.optics.fringes import fringe_set
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import sphere
 from fpputil.optics.system import preset
 
@@ -35,13 +35,13 @@ def paper_sphere_view(paper):
 
 @pytest.fixture(scope="session")
 def paper_fringes(paper):
-    return fringe_set(paper.descending)
+    return fringe_set(paper.pitches.descending)
 
 
 @pytest.fixture(scope="session")
 def small_set(tmp_path_factory):
     """Ten models and one held out, two views each, at the preset "tiny"."""
-    from fpputil.dataset.generate import generate
+    from fpputil.dataset.generation import generate
     from fpputil.dataset.plan import seeded_models
 
     out = tmp_path_factory.mktemp("data") / "set"

@@ -1,12 +1,17 @@
 """One test for each convention of the book (book/conventions.md)."""
 
 import ast
+import importlib
+import pkgutil
+import subprocess
+import sys
+import types
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fpputil.decoding import minimum_phase as reference
+from fpputil.decoding import geometric_constraint as reference
 from fpputil.decoding import phase, triangulation, unwrap
 from fpputil.decoding.decoder import decode
 from fpputil.optics.fringes import Fringe, fringe_set
@@ -85,11 +90,12 @@ ARROWS = {  # each package imports from those below it alone
     "files": (),
     "probe": ("files",),
     "signals": (),
+    "notebook": (),
     "optics": ("checks", "files", "probe"),
     "plotting": ("optics", "probe"),
     "decoding": ("checks", "files", "optics"),
     "calibration": ("checks", "optics"),
-    "capture": ("calibration", "checks", "decoding", "files", "optics", "plotting"),
+    "capture": (*("calibration", "checks", "decoding", "files", "notebook", "optics", "plotting"),),
     "dataset": ("capture", "checks", "decoding", "files", "optics", "signals"),
     "networks": ("checks", "decoding", "optics", "plotting"),
     "learning": (
@@ -128,3 +134,32 @@ def test_arrows_go_one_way(package):
             if first == "fpputil" and rest:
                 assert rest[0] in (package, *ARROWS[package]), (file, name)
             assert first != "torch" or package not in WITHOUT_TORCH, (file, name)
+
+
+FACES = (
+    *("optics", "decoding", "calibration", "capture"),
+    *("dataset", "networks", "learning", "experiments"),
+)
+
+
+def test_faces_import_nothing_heavy():
+    """All faces together, in a fresh process."""
+    code = f"import sys, {', '.join(f'fpputil.{name}' for name in FACES)}; "
+    code += "print([m for m in ('torch', 'numba', 'cv2', 'trimesh', 'zarr') if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_a_face_offers_what_there_is(package):
+    """Each name is found, and none of a function is that of a file, which would hide it."""
+    face = importlib.import_module(f"fpputil.{package}")
+    files = {module.name for module in pkgutil.iter_modules(face.__path__)}
+    for name in face.__all__:
+        assert isinstance(getattr(face, name), types.ModuleType) == (name in files), name
+
+
+@pytest.mark.parametrize("package", FACES)
+def test_a_package_is_small(package):
+    """About ten files, none deeper than a folder of one idea."""
+    assert len(list((SOURCE / package).glob("*.py"))) <= 17

@@ -37,6 +37,16 @@ def whole(name: str, value, least: int) -> int:
     return int(value)
 
 
+def rotation(name: str, R) -> np.ndarray:
+    """R as a (3, 3) float64 array; ValueError unless it is orthonormal with determinant +1."""
+    R = np.asarray(R, np.float64)
+    if R.shape != (3, 3):
+        raise ValueError(f"{name} of shape {R.shape} given; a rotation is a (3, 3) matrix")
+    if not (np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0):
+        raise ValueError(f"{name} {R.tolist()} given; a rotation is orthonormal with det +1")
+    return R
+
+
 def seeded(seed) -> np.random.Generator:
     """A generator from a seed; ValueError unless the seed is a whole number of 0 or more."""
     return np.random.default_rng(whole("seed", seed, 0))

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from fpputil.optics.pinhole import Pinhole, looking
-from fpputil.optics.raycast import bvh, raycast
+from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.system import System
 
 COLOURS = ("#1b4f72", "#d35400", "#1e8449", "#7d3c98", "#b7950b", "#5d6d7e")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from fpputil.calibration.calibrate import Pose
+from fpputil.calibration.zhang import Pose
 
 FINE = 3  # samples across a pixel
 INK = 24  # pixels of the picture across a square: few, so that its edges are smooth

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.placement import PlacedBoard, place_boards
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 
 PICTURE = np.zeros((30, 40), np.uint8)
 PICTURE[:10, :20] = 255  # bright at the upper left
@@ -84,7 +84,7 @@ def test_a_seed_repeats_its_poses(tiny, drawn):
         ({"dark": 0.9}, "albedo 0.9 to 0.9"),
         ({"bright": np.nan}, "albedo 0.08 to nan"),
         ({"R": 2 * np.eye(3)}, "orthonormal"),
-        ({"R": np.eye(2)}, r"R \(2, 2\)"),
+        ({"R": np.eye(2)}, r"R of shape \(2, 2\)"),
         ({"t": np.array([0, 0, np.nan])}, "finite"),
     ],
 )

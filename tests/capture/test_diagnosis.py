@@ -15,7 +15,7 @@ from fpputil.capture.virtual import photograph
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.parts import part
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.system import preset
 
 SYSTEM = preset("small").system

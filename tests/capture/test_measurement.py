@@ -13,7 +13,7 @@ from fpputil.capture.virtual import photograph
 from fpputil.decoding.decoder import decode
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.system import preset
 
 SYSTEM = preset("tiny").system

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from fpputil.cli import main
-from fpputil.dataset.generate import generate
+from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.optics.parts import part
 

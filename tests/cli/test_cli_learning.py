@@ -12,7 +12,7 @@ from safetensors.torch import load_file, save_file
 
 from fpputil.cli import main
 from fpputil.dataset.augmentation import Augmentation
-from fpputil.dataset.generate import generate
+from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.learning import evaluation
 from fpputil.learning.checkpoint import read_about

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from fpputil.dataset import parallel as engines
-from fpputil.dataset.generate import generate
+from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 
 

@@ -8,7 +8,7 @@ from torch.utils.data import DataLoader
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding.decoder import decode
-from fpputil.decoding.minimum_phase import minimum_phase, two_phase_absolute
+from fpputil.decoding.geometric_constraint import minimum_phase, two_phase_absolute
 from fpputil.optics.fringes import Fringe, fringe_set
 from fpputil.optics.system import FREQUENCIES
 
@@ -38,12 +38,12 @@ def test_targets_are_the_phases_of_the_geometry(training):
     for number in range(0, len(training), 3):
         item = training[number]
         bright = item["mask"] & (item["modulation"] > 20)
-        column = item["Phi_true"] * training.pitches["high"] / (2 * np.pi)
+        column = item["Phi_true"] * training.pitches.high / (2 * np.pi)
         error = (item["Phi"] - item["Phi_true"])[bright]
         assert error.abs().max() < 0.02 and error.square().mean().sqrt() < 4e-3
         np.testing.assert_allclose((item["M"] ** 2 + item["D"] ** 2)[:, bright], 1, atol=1e-5)
         for k, name in enumerate(FREQUENCIES):
-            phi = 2 * np.pi * column / training.pitches[name]
+            phi = 2 * np.pi * column / getattr(training.pitches, name)
             np.testing.assert_allclose(item["M"][k][bright], -np.sin(phi[bright]), atol=0.02)
             np.testing.assert_allclose(item["D"][k][bright], np.cos(phi[bright]), atol=0.02)
 
@@ -51,7 +51,7 @@ def test_targets_are_the_phases_of_the_geometry(training):
 def test_absolute_phase_is_the_decoders(training):
     item, view = training[0], training.store.view(int(training.indices[0]))
     p = training.pitches
-    fringes = fringe_set((p["unit"], p["mid"], p["high"]))
+    fringes = fringe_set((p.unit, p.mid, p.high))
     decoded = decode(view.frames(fringes), fringes, 912)
     mask = item["mask"].numpy()
     np.testing.assert_array_equal(mask, decoded.mask & view.mask)
@@ -64,14 +64,14 @@ def test_absolute_phase_is_the_decoders(training):
 def test_the_refined_reference_unwraps_the_high_phase(training):
     """Targets alone, as a network would give them, lead back to the absolute phase."""
     p = training.pitches
-    Phi_min = minimum_phase(training.store.system, p["zmin"])
+    Phi_min = minimum_phase(training.store.system, p.zmin)
     for number in range(len(training)):
         item = training[number]
         mask = item["mask"]
         phi_h = -torch.atan2(item["M"][0], item["D"][0])
         phi_r = -torch.atan2(item["M_r"], item["D_r"])
         Phi = two_phase_absolute(
-            phi_h.double().numpy(), phi_r.double().numpy(), Phi_min, p["high"], p["zmin"]
+            phi_h.double().numpy(), phi_r.double().numpy(), Phi_min, p.high, p.zmin
         )
         np.testing.assert_allclose(Phi[mask], item["Phi"][mask], atol=2e-3)
         np.testing.assert_allclose(
@@ -86,7 +86,9 @@ def test_photographs_are_normalised_by_the_training_extremes(small_set):
         )
         low, high = data.extremes
         view = data.store.view(int(data.indices[0]))
-        expected = [Fringe(data.pitches[f], n) for f, n in (("high", 15), ("zmin", 4), ("mid", 3))]
+        expected = [
+            Fringe(getattr(data.pitches, f), n) for f, n in (("high", 15), ("zmin", 4), ("mid", 3))
+        ]
         shots = [view.frames(e, steps=(s,))[0] for e, s in zip(expected, (0, 2, 1), strict=True)]
         np.testing.assert_allclose(
             data[0]["frames"] * (high - low) + low, np.stack(shots), atol=1e-4

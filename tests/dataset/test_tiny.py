@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpputil.dataset.generate import make_model
+from fpputil.dataset.generation import make_model
 from fpputil.dataset.layout import SPLITS
 from fpputil.dataset.plan import plan_of, seeded_models
 from fpputil.dataset.store import Store, check, open_store

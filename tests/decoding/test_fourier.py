@@ -131,9 +131,9 @@ def test_opposite_borders_do_not_mix():
 )
 def test_sphere_against_its_columns(request, scene, name, median, mean):
     view, preset = request.getfixturevalue(scene), request.getfixturevalue(name)
-    fringe = Fringe(preset.high)
+    fringe = Fringe(preset.pitches.high)
     I = view.frames(fringe)[0]
-    phi = fourier_phase(I, carrier(preset.system, preset.high), view.mask)
+    phi = fourier_phase(I, carrier(preset.system, preset.pitches.high), view.mask)
     error = np.abs(wrap(phi - fringe.phase(view.column)))[view.mask]
     assert np.median(error) < median and error.mean() < mean
 

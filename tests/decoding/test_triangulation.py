@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fpputil.decoding import phase_height, pointcloud, triangulation
 from fpputil.decoding.decoder import decode
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import plane, sphere
 
 LENS = (-0.1, 0.03, 1e-3, -5e-4, 0.0)
@@ -149,7 +149,7 @@ def test_plane_fit(seed, noise):
 def test_plane_through_the_whole_chain(tiny):
     from fpputil.optics.fringes import fringe_set
 
-    fringes = fringe_set(tiny.descending)
+    fringes = fringe_set(tiny.pitches.descending)
     view = raycast(plane(700.0, 150.0), tiny.system)
     d = decode(view.frames(fringes), fringes, 912)
     points = triangulation.triangulate(triangulation.column(d.Phi, 24), tiny.system)

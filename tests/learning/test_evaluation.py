@@ -36,7 +36,11 @@ METHOD = SFNetMethod(base=2, levels=2)
 @pytest.fixture(scope="module")
 def about(small_set):
     data = SynthFringe(small_set, "training")
-    return {"pitches": data.pitches, "camera": [120, 160], "extremes": list(data.extremes)}
+    return {
+        "pitches": data.pitches._asdict(),
+        "camera": [120, 160],
+        "extremes": list(data.extremes),
+    }
 
 
 class Oracle(nn.Module):

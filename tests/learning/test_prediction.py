@@ -21,7 +21,7 @@ from fpputil.learning.weights import Trained, load_weights
 from fpputil.networks.methods import DLALNetMethod, PSNetMethod, SFNetMethod, SIDOMethod
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.pinhole import Pinhole, camera_matrix
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import sphere
 from fpputil.optics.system import System, preset
 

@@ -12,7 +12,7 @@ import pytest
 import torch
 from matplotlib.path import Path
 
-from fpputil.networks.cost import cost, trace
+from fpputil.networks.complexity import cost, trace
 from fpputil.networks.drawing import draw
 from fpputil.networks.sfnet import MIXING, SFNet
 

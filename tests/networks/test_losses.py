@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.decoding.minimum_phase import two_phase_absolute
+from fpputil.decoding.geometric_constraint import two_phase_absolute
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, Weights
 from fpputil.networks.methods import SFNetMethod
+from fpputil.optics.system import Pitches
 
 TWO_PI = 2 * math.pi
-PITCHES = {"high": 24, "mid": 114, "zmin": 304, "unit": 912}
+PITCHES = Pitches(24, 114, 304, 912)
 RATIO = 304 / 24
 SIZE = (5, 7)
 

@@ -18,7 +18,7 @@ from fpputil.decoding.decoder import decode
 from fpputil.optics import blender, shapes
 from fpputil.optics.blender import studio
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.raycast import bvh, raycast
+from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.system import preset
 
 needs_blender = pytest.mark.skipif(

@@ -80,7 +80,7 @@ def test_sensitivity_falls_to_the_epipole_at_the_right_edge(paper):
 def test_presets(name, size, high):
     p = preset(name)
     assert (p.system.camera.width, p.system.camera.height) == size
-    assert (p.high, p.mid, p.zmin, p.unit) == (high, 114, 304, 912)
+    assert (p.pitches.high, p.pitches.mid, p.pitches.zmin, p.pitches.unit) == (high, 114, 304, 912)
     assert (p.system.z_min, p.system.z_max) == (480, 820)
     centre = p.system.camera.height // 2, p.system.camera.width // 2
     span = p.system.columns_at(820.0)[centre] - p.system.columns_at(480.0)[centre]

@@ -13,7 +13,7 @@ import trimesh
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from fpputil.checks import positive, seeded, whole
+from fpputil.checks import positive, rotation, seeded, whole
 from fpputil.optics.system import System
 
 DRAWS = 2000  # poses tried for each one that is kept
@@ -194,10 +194,9 @@ def _rectangle(size, number):
 
 
 def _check_pose(R, t):
-    if R.shape != (3, 3) or t.shape != (3,) or not np.isfinite(t).all():
-        raise ValueError(f"R {R.shape}, t {t.tolist()} given; a pose is (3, 3) and (3,), finite")
-    if not (np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0):
-        raise ValueError(f"rotation {R.tolist()} given; R must be orthonormal with det +1")
+    rotation("R", R)
+    if t.shape != (3,) or not np.isfinite(t).all():
+        raise ValueError(f"t {t.tolist()} given; a place is (3,), finite, in mm")
 
 
 def _check_wishes(size, tilt):

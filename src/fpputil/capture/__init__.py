@@ -1,0 +1,17 @@
+"""Real photographs: patterns to project, a folder to decode, what is wrong with it (chapter 12)."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "patterns": ["Patterns", "Shot"],
+        "photographs": ["Capture", "open_capture", "read_photograph"],
+        "virtual": ["photograph", "photograph_into", "save_truth"],
+        "gamma": ["estimate_gamma", "harmonic_ratio", "linearise"],
+        "measurement": ["Measurement", "measure"],
+        "marking": ["Reason"],
+        "diagnosis": ["Finding", "diagnose"],
+        "report": ["overview"],
+    },
+)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fpputil.capture.patterns import Patterns
 from fpputil.decoding import unwrap
-from fpputil.decoding.minimum_phase import minimum_phase, zmin_order
+from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
 
 
 def unwrapper(patterns: Patterns, axis: str, fringes, system=None, size=None) -> Callable:

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 
-from fpputil.capture.patterns import Patterns, Shot
+from fpputil.capture.patterns import NAME, Patterns, Shot
 from fpputil.checks import seeded, whole
-from fpputil.files import write_arrays
+from fpputil.files import write_arrays, write_whole
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -61,6 +62,32 @@ def photograph(
         fringe = replace(patterns.fringes[shot.fringe], gamma=response, levels=LEVELS)
         step = shot.step * patterns.shift % fringe.steps
         yield shot, view.frames(fringe, steps=[step], seed=own, **camera)[0]
+
+
+def photograph_into(
+    folder: str | Path,
+    view: View,
+    patterns: Patterns,
+    system: System,
+    seed: int = 0,
+    response: float = 1.0,
+    **camera,
+) -> None:
+    """Photograph a view into a folder, with its pattern file beside. Chapter 12.
+
+    Parameters
+    ----------
+    folder : path
+        There, or its parent is.
+
+    Other parameters and errors are those of `photograph`.
+    """
+    folder = Path(folder)
+    folder.mkdir(exist_ok=True)
+    for shot, frame in photograph(view, patterns, system, seed, response, **camera):
+        done, data = cv2.imencode(Path(shot.file).suffix, frame)
+        write_whole(folder / shot.file, data.tobytes())
+    patterns.save(folder / NAME)
 
 
 def save_truth(path: str | Path, view: View) -> None:

@@ -39,7 +39,7 @@ def add_to(commands) -> None:
 
 def _calibrate(options) -> None:
     from fpputil.calibration.board import Board
-    from fpputil.calibration.calibrate import calibrate
+    from fpputil.calibration.zhang import calibrate
     from fpputil.capture.patterns import Patterns
 
     board = Board(*options.board, options.square, options.kind)
@@ -67,7 +67,7 @@ def _pose(folder, patterns):
     """The board as one folder shows it, and the size of the projector."""
     import numpy as np
 
-    from fpputil.calibration.calibrate import Pose
+    from fpputil.calibration.zhang import Pose
     from fpputil.capture.diagnosis import diagnose
     from fpputil.capture.measurement import measure
     from fpputil.capture.photographs import open_capture

@@ -67,7 +67,7 @@ def _generate_parser(verbs) -> None:
 
 
 def _generate(options) -> None:
-    from fpputil.dataset import generate
+    from fpputil.dataset import generation as generate
 
     models, held_out, root, notes = _models(options)
     for note in notes:

@@ -121,18 +121,11 @@ def _boards(options, system):
 
 
 def _photograph(options, number, folder, patterns, system, mesh, albedo) -> None:
-    import cv2
-
-    from fpputil.capture.patterns import NAME
-    from fpputil.capture.virtual import photograph, save_truth
-    from fpputil.files import write_whole
-    from fpputil.optics.raycast import raycast
+    from fpputil.capture.virtual import photograph_into, save_truth
+    from fpputil.optics.raycasting import raycast
 
     view = raycast(mesh, system, albedo=albedo, supersample=options.supersample)
     camera = {k: getattr(options, k) for k in ("noise", "gain", "ambient", "gamma")}
     response, seed = options.projector_gamma, options.seed + SEEDS * number
-    for shot, frame in photograph(view, patterns, system, seed, response, **camera):
-        done, data = cv2.imencode(Path(shot.file).suffix, frame)
-        write_whole(folder / shot.file, data.tobytes())
-    patterns.save(folder / NAME)
+    photograph_into(folder, view, patterns, system, seed, response, **camera)
     save_truth(folder / "truth.npz", view)

@@ -89,7 +89,7 @@ def _train(options) -> None:
     from fpputil.dataset.store import open_store
     from fpputil.experiments.recipes import recipe
     from fpputil.learning.devices import use_threads
-    from fpputil.learning.fit import fit
+    from fpputil.learning.training import fit
     from fpputil.learning.weights import load_weights
 
     method, settings = recipe(options.preset, options.method)

@@ -1,0 +1,16 @@
+"""SynthFringe: views of many models, for networks to learn from (chapter 7)."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "models": ["Model", "load_model", "mesh_folder", "parts", "thingi10k"],
+        "plan": ["seeded_models"],
+        "generation": ["generate"],
+        "store": ["Store", "check", "open_store"],
+        "augmentation": ["Augmentation"],
+        "synthfringe": ["SynthFringe"],
+        "folders": ["export_folder", "import_folder"],
+    },
+)

@@ -19,7 +19,7 @@ from fpputil.dataset.fill import fill, finish_model, portable
 from fpputil.dataset.plan import new_plan, split_by_model
 from fpputil.dataset.store import open_store
 from fpputil.decoding.decoder import decode
-from fpputil.decoding.minimum_phase import minimum_phase
+from fpputil.decoding.geometric_constraint import minimum_phase
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.files import write_whole

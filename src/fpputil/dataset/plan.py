@@ -51,9 +51,8 @@ def plan_of(preset_name, models, held_out, views, seed, size) -> dict:
         raise ValueError("no model given; a dataset needs at least one")
     splits = [*split_by_model(len(models), seed), *["held-out"] * len(held_out)]
     listed = [{**asdict(m), "split": s} for m, s in zip([*models, *held_out], splits, strict=True)]
-    pitches = {k: getattr(chosen, k) for k in ("high", "mid", "zmin", "unit")}
     settings = {"preset": preset_name, "views": views, "seed": seed, "size": size, "albedo": ALBEDO}
-    return new_plan(settings, chosen.system, pitches, listed)
+    return new_plan(settings, chosen.system, chosen.pitches._asdict(), listed)
 
 
 def new_plan(settings: dict, system: System, pitches: dict, models: list[dict], frames=()) -> dict:

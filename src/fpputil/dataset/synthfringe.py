@@ -13,10 +13,10 @@ from fpputil.checks import not_negative, whole
 from fpputil.dataset.augmentation import Augmentation, rephotograph, textured
 from fpputil.dataset.store import Store, open_store
 from fpputil.decoding import phase
-from fpputil.decoding.minimum_phase import minimum_phase, refined_reference, zmin_order
+from fpputil.decoding.geometric_constraint import minimum_phase, refined_reference, zmin_order
 from fpputil.decoding.unwrap import TWO_PI, mf_tpu
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.system import FREQUENCIES, STEPS, Frame
+from fpputil.optics.system import FREQUENCIES, STEPS, Frame, Pitches
 from fpputil.optics.view import View
 
 
@@ -83,7 +83,7 @@ class SynthFringe(Dataset):
     ):
         self.store: Store = open_store(path)
         self.indices = self.store.indices(split)
-        self.pitches = self.store.manifest["pitches"]
+        self.pitches = Pitches(**self.store.manifest["pitches"])
         self.extremes = _extremes(self.store, extremes)
         self.frames = tuple(_frame(self.store, *frame) for frame in frames)
         if not self.frames:
@@ -97,7 +97,7 @@ class SynthFringe(Dataset):
                 f"texture {texture} given; a contrast below 1 is needed, and 0 for a dataset of "
                 "photographs, which have their own"
             )
-        self.Phi_min = minimum_phase(self.store.system, self.pitches["zmin"])
+        self.Phi_min = minimum_phase(self.store.system, self.pitches.zmin)
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # workers see it change
 
     def __len__(self) -> int:
@@ -148,9 +148,9 @@ class SynthFringe(Dataset):
         modulation = phase.modulation(M, D, steps) * (1 if stored is None else gain)
         p = self.pitches
         width = self.store.system.projector.width
-        _, Phi_t, Phi = mf_tpu(phi[[unit, mid, high]], (p["unit"], p["mid"], p["high"]), width)
+        _, Phi_t, Phi = mf_tpu(phi[[unit, mid, high]], (p.unit, p.mid, p.high), width)
         K_z = zmin_order(phi[zmin], self.Phi_min[lit].astype(np.float32))
-        phi_r, M_r, D_r = refined_reference(Phi_t, K_z, p["mid"], p["zmin"])
+        phi_r, M_r, D_r = refined_reference(Phi_t, K_z, p.mid, p.zmin)
         seen = phase.mask(modulation, self.threshold)
         values = {
             "M": -np.sin(phi),
@@ -159,7 +159,7 @@ class SynthFringe(Dataset):
             "D_r": D_r,
             "phi_r": phi_r,
             "Phi": Phi,
-            "Phi_true": TWO_PI * view.column[lit] / p["high"],
+            "Phi_true": TWO_PI * view.column[lit] / p.high,
             "depth": view.depth[lit],
             "modulation": modulation,
         }
@@ -173,7 +173,7 @@ class SynthFringe(Dataset):
             which = [self.store.position(fringe, n) for n in range(fringe.steps)]
             frames = stored[which][:, lit]
         else:
-            fringe = Fringe(self.pitches[name], STEPS)
+            fringe = Fringe(getattr(self.pitches, name), STEPS)
             frames = flat.frames(fringe, gain=gain)[:, 0]
         return *phase.numerator_denominator(frames.astype(np.float32)), fringe.steps
 

@@ -1,0 +1,34 @@
+"""Inverse: frames to phase, absolute phase and points (chapters 3 to 6)."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=["phase", "unwrap"],
+    submod_attrs={
+        "phase": ["average", "modulation", "numerator_denominator", "wrapped_phase"],
+        "unwrap": [
+            "TWO_PI",
+            "absolute_phase",
+            "fringe_order",
+            "mf_tpu",
+            "mw_tpu",
+            "nt_tpu",
+            "spatial",
+            "wrap",
+        ],
+        "geometric_constraint": [
+            "depth_range",
+            "minimum_phase",
+            "refined_reference",
+            "two_phase_absolute",
+            "zmin_order",
+        ],
+        "decoder": ["Decoded", "decode"],
+        "triangulation": ["column", "depth_of", "points_of", "triangulate"],
+        "phase_height": ["PhaseHeight", "fit_phase_height"],
+        "pointcloud": ["fit_plane", "fit_sphere", "point_cloud", "save_ply", "surface"],
+        "fourier": ["carrier", "fourier_phase"],
+        "noise": ["order_error_rate", "phase_density", "phase_sigma"],
+    },
+)

@@ -51,6 +51,49 @@ def triangulate(column: np.ndarray, system: System) -> np.ndarray:
     return points
 
 
+def points_of(Phi, pitch: float, system: System, mask=None) -> np.ndarray:
+    """Points of an absolute phase within the measuring range (Eq. 5). Chapter 6.
+
+    Parameters
+    ----------
+    Phi : (H, W) array
+        Absolute phase of vertical fringes, radians.
+    pitch : float
+        Projector pixels.
+    system : System
+        Camera, projector and measuring range.
+    mask : (H, W) bool array, optional
+        Pixels that count; by default all whose phase is not NaN.
+
+    Returns
+    -------
+    (H, W, 3) float64 array
+        World coordinates, mm; NaN outside the mask and the measuring range.
+
+    Raises
+    ------
+    ValueError
+        If the phase does not have the camera's size.
+
+    Examples
+    --------
+    >>> from fpputil.optics.system import preset
+    >>> tiny = preset("tiny")
+    >>> Phi = 2 * np.pi * tiny.system.columns_at(650.0) / 24  # a plane, at pitch 24
+    >>> points = points_of(Phi, 24, tiny.system)
+    >>> points.shape, round(float(points[60, 80, 2]), 6)
+    ((120, 160, 3), 650.0)
+    """
+    Phi = np.asarray(Phi, np.float64)
+    points = triangulate(
+        column(Phi if mask is None else np.where(mask, Phi, np.nan), pitch), system
+    )
+    z = depth_of(points, system)
+    with np.errstate(invalid="ignore"):
+        points[~((z >= system.z_min) & (z <= system.z_max))] = np.nan
+    return points
+
+
 def _meet(planes, rays, centre) -> np.ndarray:
     """Intersect rays (..., 3) from the centre with planes (..., 4): n x + d = 0."""
     with np.errstate(divide="ignore", invalid="ignore"):

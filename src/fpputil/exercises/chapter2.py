@@ -4,7 +4,7 @@ import numpy as np
 
 from fpputil.exercises import close, exercise
 from fpputil.optics import shapes
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.system import System, from_blender, preset
 
 

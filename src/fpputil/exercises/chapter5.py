@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from fpputil.decoding import minimum_phase as reference
+from fpputil.decoding import geometric_constraint as reference
 from fpputil.decoding import noise, unwrap
 from fpputil.exercises import close, exercise
 from fpputil.optics.fringes import Fringe

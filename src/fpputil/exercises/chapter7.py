@@ -9,7 +9,7 @@ from fpputil.decoding.decoder import decode
 from fpputil.exercises import close, exercise
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.system import preset
 
 

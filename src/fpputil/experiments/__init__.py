@@ -1,0 +1,16 @@
+"""The runs behind Tables 3 to 6, and what they say (chapters 10 and 11)."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "registry": ["Experiment", "ROWS", "SEEDS", "budget", "experiments"],
+        "runs": ["make_run", "read_results"],
+        "learning_rate": ["search_learning_rate"],
+        "assessment": ["assess"],
+        "error_analysis": ["ErrorAnalysis"],
+        "statistics": ["bootstrap", "difference", "seed_variation"],
+        "tables": ["table"],
+    },
+)

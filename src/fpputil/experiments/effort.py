@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from statistics import median
 
 from fpputil.experiments.registry import SCENES, budget, experiments
-from fpputil.networks.cost import cost
+from fpputil.networks.complexity import cost
 from fpputil.optics.system import preset as preset_of
 
 TILE = 32  # pixels that every network halves without a rest: its work grows with their number

@@ -18,11 +18,11 @@ from fpputil.experiments.assessment import SPLITS, assess
 from fpputil.experiments.learning_rate import best_learning_rate, read_json
 from fpputil.experiments.registry import Experiment, budget, experiments
 from fpputil.files import write_whole
-from fpputil.learning.fit import fit
 from fpputil.learning.run import CHECKPOINT, plain
 from fpputil.learning.trainer import WEIGHTS
+from fpputil.learning.training import fit
 from fpputil.learning.weights import Trained, load_weights, short
-from fpputil.networks.cost import cost
+from fpputil.networks.complexity import cost
 from fpputil.networks.methods import method_of, settings_of
 
 RESULTS = Path("data/results")

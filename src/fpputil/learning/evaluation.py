@@ -108,7 +108,7 @@ def open_split(
         texture=texture,
     )
     camera = data.store.system.camera
-    found = {"pitches": dict(data.pitches), "camera": [camera.height, camera.width]}
+    found = {"pitches": data.pitches._asdict(), "camera": [camera.height, camera.width]}
     for name, value in found.items():
         if value != trained.metadata[name]:
             raise ValueError(
@@ -189,7 +189,7 @@ def evaluate(
         With phi_r; phi_h alone.
     """
     both, alone = Score(), Score()
-    system, pitch = data.store.system, data.pitches["high"]
+    system, pitch = data.store.system, data.pitches.high
     views = range(len(data)) if views is None else views
     for at, (item, found) in zip(
         views, predictions(trained, data, views=views, **how), strict=True
@@ -208,7 +208,7 @@ def evaluate(
 def save_points(path: str | Path, item: dict, found: Prediction, data: SynthFringe) -> int:
     """Write the points of one view as PLY, grey as its first photograph; returns their number."""
     Phi = np.where(item["mask"], found.Phi, np.nan)
-    points = triangulate(column(Phi, data.pitches["high"]), data.store.system)
+    points = triangulate(column(Phi, data.pitches.high), data.store.system)
     known = np.isfinite(points).all(axis=-1)
     if not known.any():
         raise ValueError(f"no point found in view {int(item['index'])}; nothing to write")

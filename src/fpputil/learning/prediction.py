@@ -20,7 +20,7 @@ from fpputil.learning.weights import Trained
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import WHITE
-from fpputil.optics.system import System
+from fpputil.optics.system import Pitches, System
 
 PERIODS = 3  # in a piece of a row in which the pitch is looked for, if the object is so wide
 FINE, COARSE = 0.17, 0.35  # how far off a pitch may be, with as many periods and with fewer
@@ -39,9 +39,14 @@ class CheckedPhotographs:
 
     frames: np.ndarray
     names: tuple[str, ...]
-    about: dict
+    metadata: dict
     system: System
     columns: np.ndarray
+
+    @property
+    def pitches(self) -> Pitches:
+        """Pitches that the network was trained for."""
+        return Pitches(**self.metadata["pitches"])
 
     @property
     def axis(self) -> int:
@@ -51,7 +56,7 @@ class CheckedPhotographs:
     def period(self, name: str) -> float:
         """Camera pixels of a period of a frequency, the median of the plane."""
         slopes = np.abs(np.gradient(self.columns, axis=self.axis))
-        return float(self.about["pitches"][name] / np.nanmedian(slopes))
+        return float(getattr(self.pitches, name) / np.nanmedian(slopes))
 
     def window(self, along: int, across: int = 1) -> tuple[int, int]:
         """Size of a filter of pixels across the fringes and along them."""
@@ -139,13 +144,13 @@ def predict(
     network = trained.network.to(where, memory_format=torch.channels_last)
     if precision != "float32":
         network = lowered(network, PRECISIONS[precision])
-    pitches, (low, high) = shown.about["pitches"], shown.about["extremes"]
+    pitches, (low, high) = shown.pitches, shown.metadata["extremes"]
     geometry = Geometry.of(system, pitches, (low, high)).to(where)
     frames = (shown.frames - low) / (high - low)
     (found,) = predict_batch(replace(trained, network=network), frames[None], geometry, precision)
     phases = (found.phi_h, np.nan if found.phi_r is None else found.phi_r, found.Phi)
     phi_h, phi_r, Phi = (np.where(mask, phase, np.nan) for phase in phases)
-    points = triangulate(i := column(Phi, pitches["high"]), system)
+    points = triangulate(i := column(Phi, pitches.high), system)
     depth = depth_of(points, system)
     inside = (depth >= system.z_min) & (depth <= system.z_max)
     if not inside.any():
@@ -165,7 +170,11 @@ def warnings(shown: CheckedPhotographs) -> list[str]:
 
 
 def _odd_size(shown) -> Iterator[str]:
-    (h, w), (rows, columns), now = shown.columns.shape, shown.about["camera"], shown.period("high")
+    (h, w), (rows, columns), now = (
+        shown.columns.shape,
+        shown.metadata["camera"],
+        shown.period("high"),
+    )
     if (h, w) != (rows, columns):
         yield (
             f"photographs of {w} x {h} pixels; the network was trained with {columns} x {rows}. A "
@@ -174,7 +183,7 @@ def _odd_size(shown) -> Iterator[str]:
 
 
 def _odd_levels(shown, mask) -> Iterator[str]:
-    low, high = shown.about["extremes"]
+    low, high = shown.metadata["extremes"]
     span, bright = high - low, np.percentile(shown.frames[:, mask], 99)
     if not 0.4 <= (bright - low) / span <= 1.2:
         kind = "over" if bright > high else "under"
@@ -191,7 +200,7 @@ def _odd_levels(shown, mask) -> Iterator[str]:
 
 
 def _odd_pitches(shown, mask) -> list[str]:
-    names, pitches = shown.names, shown.about["pitches"]
+    names, pitches = shown.names, shown.pitches
     for j, k in combinations(range(len(names)), 2):
         alike = np.corrcoef(shown.frames[j][mask], shown.frames[k][mask])[0, 1]
         if alike > ALIKE and names[j] != names[k]:
@@ -203,7 +212,8 @@ def _odd_pitches(shown, mask) -> list[str]:
         other = replace(shown, names=tuple({a: b, b: a}.get(name, name) for name in names))
         mask = fringes_seen(other)
         if mask.any() and not list(_wrong_pitches(other, mask)):
-            return [f"photographs swapped: pitch {pitches[b]:g} comes before {pitches[a]:g}"]
+            before, after = (getattr(pitches, name) for name in (b, a))
+            return [f"photographs swapped: pitch {before:g} comes before {after:g}"]
     return wrong
 
 
@@ -213,7 +223,7 @@ def _wrong_pitches(shown, mask) -> Iterator[str]:
     first, share = shown.frames[shown.names.index("high")], uniform_filter(mask.astype(float), size)
     shade = uniform_filter(np.where(mask, first, 0), size) / share.clip(0.1)
     for k, (frame, name) in enumerate(zip(shown.frames, shown.names, strict=True), 1):
-        period, pitch = shown.period(name), shown.about["pitches"][name]
+        period, pitch = shown.period(name), getattr(shown.pitches, name)
         told = f"pitch {pitch:g} has {period:.1f} pixels at the middle of the range"
         factor, contrast, allowed = _seen(shown, frame / shade.clip(4), mask, pitch, period)
         if contrast < CONTRAST:

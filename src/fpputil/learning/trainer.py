@@ -185,7 +185,7 @@ class Trainer:
         """The network as it is now, with what one needs to use it."""
         camera, history = self.geometry.system.camera, self.run.history
         metadata = {
-            "pitches": self.geometry.pitches,
+            "pitches": self.geometry.pitches._asdict(),
             "camera": [camera.height, camera.width],
             "extremes": list(self.data.extremes),
             "data": self.about["data"],

@@ -1,0 +1,35 @@
+"""What is learned: SFNet and its rivals, losses, the geometry they decode with (chapters 8, 9)."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "unet": ["UNet"],
+        "sfnet": ["SFNet"],
+        "sido": ["SIDO"],
+        "psnet": ["PSNet"],
+        "dlalnet": ["DLALNet"],
+        "methods": [
+            "DLALNetMethod",
+            "METHODS",
+            "Method",
+            "PSNetMethod",
+            "SFNetMethod",
+            "SIDOMethod",
+            "method_of",
+            "settings_of",
+        ],
+        "losses": [
+            "Pixels",
+            "Weights",
+            "consistency",
+            "geometric",
+            "mean_absolute",
+            "mean_squared",
+        ],
+        "geometry": ["Geometry"],
+        "targets": ["noiseless", "phase_of", "true_reference"],
+        "complexity": ["Cost", "cost"],
+    },
+)

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch, Rectangle
 from matplotlib.path import Path
 
-from fpputil.networks.cost import Half, Shape, cost, trace
+from fpputil.networks.complexity import Half, Shape, cost, trace
 from fpputil.networks.sfnet import SFNet
 from fpputil.plotting import COLOURS
 

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from fpputil.decoding.minimum_phase import minimum_phase, two_phase_absolute, zmin_order
+from fpputil.decoding.geometric_constraint import minimum_phase, two_phase_absolute, zmin_order
 from fpputil.decoding.unwrap import TWO_PI, absolute_phase, mf_tpu
-from fpputil.optics.system import FREQUENCIES, System
+from fpputil.optics.system import Pitches, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,7 @@ class Geometry:
     ----------
     system : System
         Camera, projector and measuring range.
-    pitches : dict
-        Of "high", "mid", "zmin", "unit", projector pixels.
+    pitches : Pitches
     Phi_min : dict of (H, W) float32 tensors
         Minimum phase of each of these pitches, centred. At "high" and "mid" it is ambiguous.
     Phi_plane : (H, W) float32 tensor
@@ -32,24 +31,23 @@ class Geometry:
     """
 
     system: System
-    pitches: dict[str, float]
+    pitches: Pitches
     Phi_min: dict[str, Tensor]
     Phi_plane: Tensor
     extremes: tuple[float, float]
 
     @classmethod
-    def of(cls, system: System, pitches: dict[str, float], extremes=(0.0, 255.0)) -> Geometry:
+    def of(cls, system: System, pitches: Pitches, extremes=(0.0, 255.0)) -> Geometry:
         """Geometry of a system and its pitches."""
         lowest = {
-            k: minimum_phase(system, pitches[k], ambiguous=k in ("high", "mid"))
-            for k in FREQUENCIES
+            name: minimum_phase(system, pitch, ambiguous=name in ("high", "mid"))
+            for name, pitch in pitches._asdict().items()
         }
-        columns, width = system.columns_at(system.z_max), system.projector.width
-        lit = (columns >= -0.5) & (columns <= width - 0.5)
-        plane = TWO_PI * np.where(lit, columns, np.nan) / pitches["high"]
+        z = system.z_max
+        plane = TWO_PI * np.where(system.lit_at(z), system.columns_at(z), np.nan) / pitches.high
         tensors = {k: torch.as_tensor(v, dtype=torch.float32) for k, v in lowest.items()}
         plane = torch.as_tensor(plane, dtype=torch.float32)
-        return cls(system, dict(pitches), tensors, plane, tuple(extremes))
+        return cls(system, pitches, tensors, plane, tuple(extremes))
 
     def to(self, device) -> Geometry:
         """The same geometry with its tensors on a device."""
@@ -69,7 +67,9 @@ class Geometry:
             Of the lower pitch.
         """
         Phi_min = self.Phi_min[name] if Phi_min is None else Phi_min
-        return two_phase_absolute(phi_h, phi, Phi_min, self.pitches["high"], self.pitches[name])
+        return two_phase_absolute(
+            phi_h, phi, Phi_min, self.pitches.high, getattr(self.pitches, name)
+        )
 
     def from_one_phase(self, phi_h):
         """Phi of the high pitch from its wrapped phase alone: the control of every table."""
@@ -77,6 +77,6 @@ class Geometry:
 
     def from_frequencies(self, phis: dict[str, Tensor]):
         """Phi of the high pitch by multi-frequency unwrapping of phases by name (Eq. 4-7)."""
-        names = sorted(phis, key=lambda k: -self.pitches[k])
-        pitches = [self.pitches[k] for k in names]
+        names = sorted(phis, key=lambda k: -getattr(self.pitches, k))
+        pitches = [getattr(self.pitches, k) for k in names]
         return mf_tpu([phis[k] for k in names], pitches, self.system.projector.width)[-1]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from fpputil.checks import whole
+from fpputil.checks import rotation, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +202,7 @@ def _check_pinhole(p: Pinhole) -> None:
             f"camera matrix {p.K.tolist()} given; it needs positive focal lengths and the "
             "last row 0 0 1, or its rays are undefined"
         )
-    if not (np.allclose(p.R @ p.R.T, np.eye(3), atol=1e-6) and np.linalg.det(p.R) > 0):
-        raise ValueError(f"rotation {p.R.tolist()} given; R must be orthonormal with det +1")
+    rotation("R", p.R)
     if p.distortion.size not in (0, 4, 5, 8, 12, 14):
         raise ValueError(
             f"{p.distortion.size} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or 14"

@@ -11,6 +11,7 @@ import trimesh
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from fpputil import checks
 from fpputil.checks import positive, seeded, whole
 from fpputil.optics.meshes import check_mesh, genus, load_mesh
 from fpputil.optics.parts import FAMILIES, part
@@ -196,7 +197,7 @@ def place(
     Chapter 2.
     """
     check_mesh(mesh, "mesh")
-    turn = np.eye(3) if rotation is None else _rotation_matrix(rotation)
+    turn = np.eye(3) if rotation is None else checks.rotation("rotation", rotation)
     offset = mesh.vertices - mesh.bounds.mean(axis=0)
     diameter = 2 * np.linalg.norm(offset, axis=1).max()
     positive("mesh diameter", diameter, "mm")
@@ -244,12 +245,3 @@ def _point(name: str, value: ArrayLike) -> np.ndarray:
     if point.shape != (3,) or not np.isfinite(point).all():
         raise ValueError(f"{name} {value} given; three finite coordinates x, y, z in mm are needed")
     return point
-
-
-def _rotation_matrix(value: ArrayLike) -> np.ndarray:
-    turn = np.asarray(value, float)
-    if turn.shape != (3, 3):
-        raise ValueError(f"a rotation of shape {turn.shape} given; a (3, 3) matrix is needed")
-    if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) or np.linalg.det(turn) < 0:
-        raise ValueError(f"{turn.tolist()} given as a rotation; R R^T = 1, det R = 1 are needed")
-    return turn

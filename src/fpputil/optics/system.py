@@ -9,6 +9,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,8 +18,31 @@ from scipy.spatial.transform import Rotation
 from fpputil.files import write_whole
 from fpputil.optics.pinhole import Pinhole, camera_matrix
 
-FREQUENCIES = ("high", "mid", "zmin", "unit")
-"""Names of a dataset's pitches, in the order of targets and stored photographs."""
+
+class Pitches(NamedTuple):
+    """The four pitches of the method, projector pixels a period. Chapter 5.
+
+    Examples
+    --------
+    >>> preset("paper").pitches
+    Pitches(high=15, mid=114, zmin=304, unit=912)
+    >>> preset("paper").pitches.descending
+    (912, 114, 15)
+    """
+
+    high: float
+    mid: float
+    zmin: float
+    unit: float
+
+    @property
+    def descending(self) -> tuple[float, float, float]:
+        """Those of multi-frequency unwrapping, longest first: unit, mid, high."""
+        return self.unit, self.mid, self.high
+
+
+FREQUENCIES = Pitches._fields
+"""Names of the pitches, in the order of a dataset's targets and stored photographs."""
 
 STEPS = 15
 """Steps of the frames that targets are decoded from, as in the paper."""
@@ -60,6 +84,11 @@ class System:
     def columns_at(self, z: float | np.ndarray) -> np.ndarray:
         """Projector column that lights each camera pixel on the plane z (mm), (H, W)."""
         return self.projector.project(self.points_at(z))[..., 0]
+
+    def lit_at(self, z: float | np.ndarray) -> np.ndarray:
+        """Where the projector lights the plane z (mm) as the camera sees it, (H, W) bool."""
+        columns = self.columns_at(z)
+        return (columns >= -0.5) & (columns <= self.projector.width - 0.5)
 
     def columns_per_mm(self, z: float | np.ndarray, step: float = 0.1) -> np.ndarray:
         """Sensitivity ``|d column / d z|`` at depth z, (H, W), projector pixels per mm."""
@@ -118,19 +147,11 @@ def table2(camera_width: int = 640) -> System:
 
 @dataclass(frozen=True, eq=False)
 class Preset:
-    """A system and its four pitches (high, mid, z-min, unit), named by book and tests."""
+    """A system and its pitches, by a name that book and tests use."""
 
     name: str
     system: System
-    high: float
-    mid: float
-    zmin: float
-    unit: float
-
-    @property
-    def descending(self) -> tuple[float, float, float]:
-        """Pitches of multi-frequency unwrapping, longest first (unit, mid, high)."""
-        return self.unit, self.mid, self.high
+    pitches: Pitches
 
 
 def preset(name: str) -> Preset:
@@ -139,7 +160,7 @@ def preset(name: str) -> Preset:
     if name not in known:
         raise ValueError(f"preset {name!r} given; the presets are {', '.join(known)}")
     width, high = known[name]
-    return Preset(name, table2(width), high, 114, 304, 912)
+    return Preset(name, table2(width), Pitches(high, 114, 304, 912))
 
 
 def _is_yaml(path: Path) -> bool:

@@ -64,7 +64,7 @@ class SIDOMethod:
     def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
         """Phi of the high pitch, radians, (B, H, W): its order is that of the coarse phase."""
         phi_h, _ = self.phases(outputs)
-        ratio = geometry.pitches["unit"] / geometry.pitches["high"]
+        ratio = geometry.pitches.unit / geometry.pitches.high
         return absolute_phase(phi_h, fringe_order(phi_h, outputs[:, sido.STEPS], ratio))
 
     def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
@@ -72,7 +72,7 @@ class SIDOMethod:
         pixels = Pixels.of(batch["mask"])
         found = pixels.of_images(outputs)
         frames = pixels.of_images(noiseless(batch, "high", sido.STEPS, geometry))
-        coarse = batch["Phi"][pixels.mask] * (geometry.pitches["high"] / geometry.pitches["unit"])
+        coarse = batch["Phi"][pixels.mask] * (geometry.pitches.high / geometry.pitches.unit)
         parts = {
             "frames": mean_squared(pixels, found[:, : sido.STEPS], frames),
             "phase": mean_squared(pixels, found[:, sido.STEPS], coarse),

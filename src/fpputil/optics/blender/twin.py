@@ -12,7 +12,7 @@ from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole
-from fpputil.optics.raycast import check_reflectance, outside_view
+from fpputil.optics.raycasting import check_reflectance, outside_view
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -58,7 +58,7 @@ def photograph(
     Raises
     ------
     ValueError
-        As `fpputil.optics.raycast.raycast`; also for what Blender cannot do.
+        As `fpputil.optics.raycasting.raycast`; also for what Blender cannot do.
     ImportError
         If Blender does not run here.
 
@@ -100,7 +100,7 @@ def see(
     albedo: float | np.ndarray = 0.9,
     white_at: float = 400.0,
 ) -> View:
-    """See a mesh through a system by Cycles: the twin of `fpputil.optics.raycast.raycast`.
+    """See a mesh through a system by Cycles: the twin of `fpputil.optics.raycasting.raycast`.
 
     The projector throws its own coordinates, (column, row, 1), as red, green and blue: one
     picture then serves every pattern. A second, of the depth, needs no projector.
@@ -117,7 +117,7 @@ def see(
     Raises
     ------
     ValueError
-        As `fpputil.optics.raycast.raycast`; also for what Blender cannot do.
+        As `fpputil.optics.raycasting.raycast`; also for what Blender cannot do.
     ImportError
         If Blender does not run here.
 

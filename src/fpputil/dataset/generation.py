@@ -13,7 +13,7 @@ from fpputil.dataset import models as sources
 from fpputil.dataset.fill import fill, finish_model, portable
 from fpputil.dataset.plan import POSES, plan_of
 from fpputil.optics.pinhole import Pinhole
-from fpputil.optics.raycast import bvh, raycast
+from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.shapes import CENTRE, SIZE, place, rotation
 from fpputil.optics.system import System, system_from_dict
 

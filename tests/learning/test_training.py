@@ -19,16 +19,16 @@ from matplotlib.figure import Figure
 from safetensors.torch import load_file
 
 from fpputil.cli import main
-from fpputil.dataset.generate import generate
+from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.experiments.recipes import CAMERA
 from fpputil.learning.checkpoint import read_about
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.devices import Processes
-from fpputil.learning.fit import fit
 from fpputil.learning.log import read_log
 from fpputil.learning.trainer import Trainer
+from fpputil.learning.training import fit
 from fpputil.learning.weights import load_weights
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
@@ -196,7 +196,10 @@ def test_weights_say_what_they_were_trained_with(whole, small_set):
     best = min(history, key=lambda row: row["validation_mae"])["epoch"]
     data = SynthFringe(small_set, "training")
     assert saved.method == METHOD
-    assert saved.metadata["pitches"] == data.pitches and saved.metadata["camera"] == [120, 160]
+    assert saved.metadata["pitches"] == data.pitches._asdict() and saved.metadata["camera"] == [
+        120,
+        160,
+    ]
     assert saved.metadata["extremes"] == list(data.extremes)
     assert saved.metadata["data"] == data.store.name
     training = saved.metadata["training"]

@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpputil.decoding import minimum_phase as ref
+from fpputil.decoding import geometric_constraint as ref
 from fpputil.decoding import unwrap
 from fpputil.decoding.triangulation import depth_of, triangulate
 from fpputil.optics.system import System

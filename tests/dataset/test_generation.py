@@ -20,11 +20,11 @@ from fpputil.dataset import fill as fill_module
 from fpputil.dataset import layout
 from fpputil.dataset import models as sources
 from fpputil.dataset.fill import fill
-from fpputil.dataset.generate import generate, make_model, turned
+from fpputil.dataset.generation import generate, make_model, turned
 from fpputil.dataset.plan import HELD_OUT, POSES, plan_of, seeded_models, split_by_model
 from fpputil.dataset.store import check, open_store
 from fpputil.optics.parts import part
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import place, rotation
 
 

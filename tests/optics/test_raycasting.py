@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from fpputil.optics.pinhole import Pinhole, camera_matrix
-from fpputil.optics.raycast import bvh, raycast
+from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.shapes import plane, sphere
 
 

@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.board import Board
-from fpputil.calibration.calibrate import Pose, calibrate
 from fpputil.calibration.placement import PlacedBoard, place_boards
 from fpputil.calibration.sampling import light_at
 from fpputil.calibration.stereo import BoardView, calibrate_pair
+from fpputil.calibration.zhang import Pose, calibrate
 from fpputil.decoding.decoder import decode
 from fpputil.decoding.triangulation import column
 from fpputil.optics.fringes import fringe_set
-from fpputil.optics.raycast import raycast
+from fpputil.optics.raycasting import raycast
 from fpputil.optics.system import System, preset
 
 BOARD = Board(8, 5, 33.0)

@@ -1,0 +1,86 @@
+"""What a page shows of a cell: numbers inside sentences, and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tabulate import tabulate
+
+
+def say(prefix: str, **texts: str) -> None:
+    """Hand texts to the sentences of a chapter, where ``{glue:text}`PREFIX-NAME``` shows them.
+
+    Parameters
+    ----------
+    prefix : str
+        Of the chapter, as "ch5".
+    **texts : str
+        Formatted numbers by name; underscores become hyphens.
+
+    Raises
+    ------
+    TypeError
+        If one is not text: how many digits a reader sees is decided where it is computed.
+    """
+    from myst_nb import glue
+
+    for name, text in texts.items():
+        if not isinstance(text, str):
+            raise TypeError(f"{name} {text!r} given; a formatted text is needed, as f'{{x:.2f}}'")
+        glue(f"{prefix}-{name.replace('_', '-')}", text, display=False)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under the names of their columns: HTML on a page, text in a terminal.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Names.
+    rows : sequence of sequences
+        Cells; text stands left, numbers stand right.
+    formats : str or sequence of str
+        Format of the numbers of all columns or of each, as ".3f"; "" leaves them as they are.
+
+    Examples
+    --------
+    >>> Table(["pitch", "noise, rad"], [[15, 0.01234], [114, 0.01]], ["", ".3f"])
+      pitch    noise, rad
+    -------  ------------
+         15         0.012
+        114         0.010
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence]
+    formats: str | Sequence[str] = ""
+
+    def __post_init__(self):
+        rows = [list(row) for row in self.rows]
+        object.__setattr__(self, "rows", rows)
+        width = len(self.columns)
+        if wrong := [row for row in rows if len(row) != width]:
+            raise ValueError(f"a row of {len(wrong[0])} cells given; there are {width} columns")
+        if not isinstance(self.formats, str) and len(self.formats) != width:
+            raise ValueError(f"{len(self.formats)} formats given; there are {width} columns")
+
+    def __repr__(self) -> str:
+        return self._drawn("simple")
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        return self._drawn("html")
+
+    def _drawn(self, style: str) -> str:
+        formats, width = self.formats, len(self.columns)
+        formats = [formats] * width if isinstance(formats, str) else formats
+        cells = [
+            [c if isinstance(c, str) else f"{c:{f}}" for c, f in zip(row, formats, strict=True)]
+            for row in self.rows
+        ]
+        text = [all(isinstance(row[k], str) for row in self.rows) for k in range(width)]
+        sides = ["left" if is_text else "right" for is_text in text]
+        return tabulate(cells, self.columns, style, disable_numparse=True, colalign=sides)
