@@ -5,6 +5,7 @@ SHELL := /bin/bash
 
 PYTHON  ?= $(shell command -v python3.11 || echo python3)
 BLENDER ?= 1
+ALL     ?=
 TORCH   ?=
 
 VENV := .venv
@@ -19,7 +20,7 @@ STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo
 .PHONY: help book test pages lab results bench lint format lock clean install
 
 help: ## list the targets
-	@echo "make TARGET [PYTHON=python3.11] [BLENDER=0] [TORCH=wheel-or-requirement]"
+	@echo "make TARGET [PYTHON=python3.11] [BLENDER=0] [ALL=1] [TORCH=wheel-or-requirement]"
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' Makefile | while IFS=$$'\t' read -r t d; do printf '  %-8s %s\n' "$$t" "$$d"; done
 
 book: install ## install what is needed, execute the chapters, render the pages
@@ -27,11 +28,13 @@ book: install ## install what is needed, execute the chapters, render the pages
 	$(BIN)/jupyter-book build . -W -n --keep-going
 	@$(BIN)/python -c 'import pathlib; print("\nOpen", pathlib.Path("_build/html/index.html").resolve().as_uri())'
 
-TWO := -n 2 --dist loadfile
-test: install ## prove it: style, unit tests, every chapter, every rendered page
+TWO  := -n 2 --dist loadfile
+FAST := $(if $(filter 1,$(ALL)),,-m "not slow")
+test: install ## prove it: style, unit tests, every chapter, every page; ALL=1: the slow tests, too
 	@$(BIN)/python -m fpputil.probe
 	@$(MAKE) --no-print-directory lint
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests --ignore=tests/book $(TWO) # a fifth faster than with two threads each
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests --ignore=tests/book $(FAST) $(TWO) # a fifth faster than with two threads each
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --doctest-modules src --ignore=src/fpputil/cli/__main__.py -q
 	$(BIN)/python -m pytest --nbval --nbval-current-env --nbval-sanitize-with tests/nbval.cfg $(TWO) $(CHAPTERS)
 	$(BIN)/python -m pytest tests/book $(TWO)
 	@echo; echo "All proved."

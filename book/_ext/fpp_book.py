@@ -2,10 +2,13 @@
 
 - Fresh: chapters run again when the notebook, ``src``, ``data`` or the lock changed.
 - Honest: ``{time}`run` `` is the time measured by the last build that executed the page.
+- Faces first: ``{face} fpputil.optics`` lists what a package offers.
 - Offline: a rendered page that would load anything from a network is a warning.
 """
 
 import hashlib
+import importlib
+import inspect
 import json
 import os
 import re
@@ -13,6 +16,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from docutils import nodes
+from docutils.statemachine import StringList
 from myst_nb.sphinx_ import NbMetadataCollector
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective, SphinxRole
@@ -151,6 +155,38 @@ def link_to(app, docname, target):
     return nodes.reference("", app.env.titles[target].astext(), refuri=uri, internal=True)
 
 
+# --- faces ---------------------------------------------------------------------------------
+
+
+class FaceDirective(SphinxDirective):
+    """``{face} fpputil.optics``: the names a package offers, each with its first sentence."""
+
+    required_arguments = 1
+
+    def run(self):
+        package = importlib.import_module(self.arguments[0])
+        lines = [f"``from {package.__name__} import ...``", "", "| name | |", "|---|---|"]
+        lines += [face_row(name, getattr(package, name)) for name in package.__all__]
+        node = nodes.container()
+        self.state.nested_parse(StringList(lines, source="face"), self.content_offset, node)
+        return node.children
+
+
+def face_row(name: str, thing) -> str:
+    if inspect.ismodule(thing):
+        return f"| {{py:mod}}`{name} <{thing.__name__}>` | {first_sentence(thing)} |"
+    if inspect.isclass(thing) or inspect.isfunction(thing):
+        kind = "class" if inspect.isclass(thing) else "func"
+        where = f"{thing.__module__}.{thing.__qualname__}"
+        return f"| {{py:{kind}}}`{name} <{where}>` | {first_sentence(thing)} |"
+    return f"| `{name}` | |"
+
+
+def first_sentence(thing) -> str:
+    line = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ")
+    return line.replace("|", "\\|")
+
+
 # --- offline -------------------------------------------------------------------------------
 
 REMOTE = re.compile(r"(https?:)?//", re.IGNORECASE)
@@ -221,6 +257,7 @@ def setup(app):
     app.add_node(RunTimes)
     app.add_role("time", TimeRole())
     app.add_directive("runtimes", RunTimesDirective)
+    app.add_directive("face", FaceDirective)
     app.connect("config-inited", set_execution)
     app.connect("env-updated", record_runtimes)
     app.connect("doctree-resolved", fill_in_times)
