@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -72,7 +73,7 @@ class Table:
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        return self._drawn("html")
+        return re.sub(r" +(?=</t)|(?<=>) +", "", self._drawn("html"))  # blanks that align text
 
     def _drawn(self, style: str) -> str:
         formats, width = self.formats, len(self.columns)
