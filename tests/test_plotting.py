@@ -58,3 +58,11 @@ def test_nothing_to_draw():
 def test_frustum_reaches_where_it_says(tiny):
     mesh = plotting.frustum(tiny.system.camera, 300.0)
     assert mesh.vertices[:, 2].max() == pytest.approx(300, abs=3)
+
+
+def test_ticks_stand_where_asked_and_nowhere_else():
+    _, ax = plotting.plt.subplots()
+    ax.set(xscale="log", xlim=(0.01, 300))
+    plotting.ticks(ax, (0.03, 15, 114))
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["0.03", "15", "114"]
+    assert not len(ax.get_xticks(minor=True))

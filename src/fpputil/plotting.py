@@ -101,6 +101,12 @@ def orders(ax: Axes, K: np.ndarray, title: str = "fringe order") -> None:
     bar.update_ticks()
 
 
+def ticks(ax: Axes, values: Sequence[float]) -> None:
+    """Ticks at these values of a logarithmic x axis, as plain numbers, and at no others."""
+    ax.set_xticks(values, labels=[f"{value:g}" for value in values])
+    ax.minorticks_off()
+
+
 def _map(ax, values, title, cmap, low, high, unit):
     shown = ax.imshow(np.asarray(values, np.float64), cmap=cmap, vmin=low, vmax=high)
     _bare(ax, title)
