@@ -10,7 +10,7 @@ TORCH   ?=
 
 VENV := .venv
 BIN  := $(VENV)/bin
-CHAPTERS := $(wildcard chapters/[0-9]*.ipynb) book/index.ipynb
+CHAPTERS := $(wildcard chapters/[0-9]*.ipynb) $(wildcard book/*.ipynb)
 CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
 # The environment belongs to one Python and one folder; the stamp is named after all that
 # decides what is installed.

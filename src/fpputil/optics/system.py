@@ -86,7 +86,7 @@ class System:
         return self.projector.project(self.points_at(z))[..., 0]
 
     def lit_at(self, z: float | np.ndarray) -> np.ndarray:
-        """Where the projector lights the plane z (mm) as the camera sees it, (H, W) bool."""
+        """Where the plane z (mm) has a projector column, (H, W) bool; rows are not asked."""
         columns = self.columns_at(z)
         return (columns >= -0.5) & (columns <= self.projector.width - 0.5)
 
