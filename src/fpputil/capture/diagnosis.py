@@ -130,7 +130,35 @@ class Finding(NamedTuple):
 
 
 def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
-    """All that speaks against a capture, the severe first. Chapter 12."""
+    """All that speaks against a capture, the severe first. Chapter 12.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        What the fringes along one axis tell.
+    capture : Capture
+        Of which it was made.
+
+    Returns
+    -------
+    list of Finding
+        Without those that another one explains.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fpputil.capture import Patterns, measure, open_capture, photograph_into
+    >>> from fpputil.optics import fringe_set, preset, raycast, shapes
+    >>> system = preset("tiny").system
+    >>> view = raycast(shapes.sphere(100, [0, 0, 660]), system)
+    >>> patterns = Patterns((912, 1140), fringe_set((912, 114, 24), 4))
+    >>> turned = Patterns((912, 1140), patterns.fringes, shift=-1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     photograph_into(folder, view, patterns, system)
+    ...     capture = open_capture(folder, turned)
+    ...     [finding.code for finding in diagnose(measure(capture), capture)]
+    ['direction']
+    """
     checks = (
         *(_repeated, _frequencies, _offset, _saturation, _projector),
         *(_response, _orders, _darkness, _contrast, _noise),

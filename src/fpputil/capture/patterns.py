@@ -209,10 +209,11 @@ def _check(p: Patterns) -> None:
             f"files {p.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are known, "
             "with the least number of digits as in {step:02}"
         )
-    counts = Counter(() if "*" in p.files else (s.file for s in p.shots()))
-    if counts and (name := max(counts, key=counts.get)) and counts[name] > 1:
+    names = Counter(() if "*" in p.files else (shot.file for shot in p.shots()))
+    twice = [name for name, number in names.items() if number > 1]
+    if twice:
         raise ValueError(
-            f"files {p.files!r} given; {name} would be several photographs: name the axis, the "
+            f"files {p.files!r} given; {twice[0]} would be several photographs: name the axis, the "
             "pitch and the step where there are several"
         )
 
