@@ -273,6 +273,7 @@ def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.
             few = min(patterns.fringes[n].steps for n in numbers) < LEAST_STEPS
             gamma = _gamma(grid) if few else 1.0
         fits[k], sample[k] = fit(frames, fringe, patterns.shift, gamma, capture.full), grid
+        del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)
     return [fits[k] for k in numbers], [sample[k] for k in numbers], gamma
