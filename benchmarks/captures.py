@@ -30,8 +30,7 @@ def bench_captures(repeats: int = 3) -> dict:
 
         def read():
             for k in range(len(patterns.fringes)):
-                for _ in capture.batches(capture.of(k)):
-                    pass
+                capture.frames(k)
 
         reading, decoding = median_seconds(read, lambda: measure(capture), repeats=repeats)
         start = time.perf_counter()

@@ -38,7 +38,7 @@ pytestmark = pytest.mark.skipif(
 
 def frames_of(scene, fringe=0):
     capture = open_capture(CAPTURES / scene, PATTERNS)
-    return np.concatenate([f for _, f in capture.batches(capture.of(fringe))])
+    return capture.frames(fringe)
 
 
 def wrapped(frames):
@@ -49,22 +49,22 @@ def wrapped(frames):
 @pytest.mark.parametrize("scene", SCENES)
 def test_three_pitches_agree_on_the_column(scene):
     capture = open_capture(CAPTURES / scene, PATTERNS)
-    found = measure(capture)
-    Phis = unwrap.mw_tpu(list(found.wrapped), PITCHES, WIDTH)
+    result = measure(capture)
+    Phis = unwrap.mw_tpu(list(result.wrapped), PITCHES, WIDTH)
     columns = [P * p / (2 * np.pi) for P, p in zip(Phis, PITCHES, strict=True)]
     spread = np.ptp(columns, axis=0)
-    strong = found.modulation[0] > 10
+    strong = result.modulation[0] > 10
     assert (spread[strong] < 1).mean() >= 0.997  # by a plain mask
-    assert (spread[found.mask] < 1).mean() >= 0.999
-    assert found.mask[strong].mean() >= 0.98
-    assert not any(d.severe for d in diagnose(found, capture))
+    assert (spread[result.mask] < 1).mean() >= 0.999
+    assert result.mask[strong].mean() >= 0.98
+    assert not any(d.severe for d in diagnose(result, capture))
 
 
 @pytest.mark.parametrize("scene, other", [SCENES, SCENES[::-1]])
 def test_three_steps_gain_by_the_response_of_the_other_scene(scene, other):
-    frames, told = frames_of(scene), frames_of(other)
-    lit = (wrapped(told)[1] > 10) & (told.max(axis=0) < 255)
-    power = estimate_gamma(told[:, lit])
+    frames, others = frames_of(scene), frames_of(other)
+    lit = (wrapped(others)[1] > 10) & (others.max(axis=0) < 255)
+    gamma = estimate_gamma(others[:, lit])
     twelve, modulation = wrapped(frames)
 
     def error(few):
@@ -72,7 +72,7 @@ def test_three_steps_gain_by_the_response_of_the_other_scene(scene, other):
         return np.sqrt(np.mean(off**2))
 
     assert error(frames[[0, 4, 8]]) > 0.1
-    assert error(linearise(frames, power)[[0, 4, 8]]) <= 0.04
+    assert error(linearise(frames, gamma)[[0, 4, 8]]) <= 0.04
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -81,8 +81,8 @@ def test_the_command_decodes_the_folder(scene, tmp_path, capsys):
     given += ["--unwrap", "mw", "--projector", f"{WIDTH}x{WIDTH}", "--white", "white.png"]
     out = tmp_path / "out"
     assert main(["decode", str(CAPTURES / scene), "--out", str(out), *given]) == 0
-    about = json.loads((out / "summary.json").read_text())
-    assert about["decoded"] and (out / "report.html").stat().st_size > 100_000
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["decoded"] and (out / "report.html").stat().st_size > 100_000
     assert main(["decode", str(CAPTURES / scene), "--out", str(out), "--force", *given,
                  "--shift", "-1"]) == 1  # fmt: skip
     assert "grow from right to left" in capsys.readouterr().err

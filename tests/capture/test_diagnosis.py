@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.diagnosis import FINDINGS, SEVERE, diagnose, exchanged, misfits
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
-from fpputil.capture.steps import exchanged, misfits
 from fpputil.capture.virtual import photograph
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
@@ -29,11 +28,16 @@ def view():
 
 
 @pytest.fixture
-def told(tmp_path, view):
-    """Function from patterns, a change of their photographs and a camera to codes of doubts."""
+def diagnosed(tmp_path, view):
+    """Function from patterns, a change of their photographs and a camera to codes of findings."""
 
     def judge(
-        patterns=EIGHT, change=lambda frames: frames, shown=None, response=1.0, power=None, **camera
+        patterns=EIGHT,
+        change=lambda frames: frames,
+        shown=None,
+        response=1.0,
+        gamma_back=None,
+        **camera,
     ):
         camera = {"noise": 1.0, **camera}
         shots = photograph(view, shown or patterns, SYSTEM, 0, response, **camera)
@@ -44,9 +48,10 @@ def told(tmp_path, view):
             cv2.imwrite(str(tmp_path / name), frame)
         capture = open_capture(tmp_path, patterns)
         system = SYSTEM if patterns.unwrap == "minimum" else None
-        found = diagnose(measure(capture, patterns.axes[0], system=system, power=power), capture)
-        assert all(d.found and d.remedy for d in found)
-        return {d.code: d.severe for d in found}
+        measurement = measure(capture, patterns.axes[0], system=system, gamma=gamma_back)
+        findings = diagnose(measurement, capture)
+        assert all(f.message and f.remedy for f in findings)
+        return {f.code: f.severe for f in findings}
 
     return judge
 
@@ -63,16 +68,16 @@ def swapped(p, q):
 
 
 @pytest.mark.parametrize("steps", [4, 5, 8, 15])
-def test_nothing_is_said_of_a_good_capture(told, steps):
-    assert told(Patterns(PROJECTOR, fringe_set((912, 114, 18), steps))) == {}
+def test_nothing_is_said_of_a_good_capture(diagnosed, steps):
+    assert diagnosed(Patterns(PROJECTOR, fringe_set((912, 114, 18), steps))) == {}
 
 
-def test_other_unwrappings_are_good_too(told):
+def test_other_unwrappings_are_good_too(diagnosed):
     for unwrap, pitches in (("mw", (15, 16, 17.2)), ("nt", (31, 33)), ("minimum", (304, 18))):
-        assert told(Patterns(PROJECTOR, fringe_set(pitches, 8), unwrap)) == {}
+        assert diagnosed(Patterns(PROJECTOR, fringe_set(pitches, 8), unwrap)) == {}
     rows = Patterns(PROJECTOR, fringe_set((1140, 114, 19), 8, axis="row"))
-    assert told(rows) == {}
-    assert told(replace(rows, shift=-1), shown=rows) == {"direction": True}
+    assert diagnosed(rows) == {}
+    assert diagnosed(replace(rows, shift=-1), shown=rows) == {"direction": True}
 
 
 @pytest.mark.parametrize("steps", [4, 8])
@@ -86,44 +91,44 @@ def test_other_unwrappings_are_good_too(told):
         ("minimum", (304, 18)),
     ],  # fmt: skip
 )
-def test_a_wrong_direction_of_the_shift_is_named(told, unwrap, pitches, steps):
+def test_a_wrong_direction_of_the_shift_is_named(diagnosed, unwrap, pitches, steps):
     patterns = Patterns(PROJECTOR, fringe_set(pitches, steps), unwrap)
-    assert told(replace(patterns, shift=-1), shown=patterns) == {"direction": True}
+    assert diagnosed(replace(patterns, shift=-1), shown=patterns) == {"direction": True}
 
 
 @pytest.mark.parametrize("pair", [(114, 18), (912, 114), (912, 18)])
-def test_swapped_frequencies_are_named(told, pair):
-    assert told(change=swapped(*pair)) == {"swapped": True}
+def test_swapped_frequencies_are_named(diagnosed, pair):
+    assert diagnosed(change=swapped(*pair)) == {"swapped": True}
 
 
-def test_a_repeated_an_exchanged_and_a_rolled_photograph_are_named(told):
+def test_a_repeated_an_exchanged_and_a_rolled_photograph_are_named(diagnosed):
     a, b = "column-18-03.png", "column-18-02.png"
-    assert told(change=taken((a, b))) == {"frame": True}
-    assert told(change=taken((a, b), (b, a))) == {"exchanged": True}
+    assert diagnosed(change=taken((a, b))) == {"frame": True}
+    assert diagnosed(change=taken((a, b), (b, a))) == {"exchanged": True}
     names = [f"column-114-{n:02}.png" for n in range(8)]
     rolled = list(zip(names, names[1:] + names[:1], strict=True))
-    assert told(change=taken(*rolled)) == {"offset": True}
+    assert diagnosed(change=taken(*rolled)) == {"offset": True}
 
 
-def test_other_pitches_than_given_are_named(told):
+def test_other_pitches_than_given_are_named(diagnosed):
     shown = Patterns(PROJECTOR, fringe_set((912, 120, 20), 8))
-    assert any(told(shown=shown).values())
+    assert any(diagnosed(shown=shown).values())
     shown = Patterns(PROJECTOR, fringe_set((912, 60, 18), 8))
-    assert told(shown=shown) == {"pitch": True}
+    assert diagnosed(shown=shown) == {"pitch": True}
 
 
-def test_a_mirrored_picture_is_named(told):
-    assert told(change=lambda f: {k: v[:, ::-1] for k, v in f.items()}) == {"direction": True}
+def test_a_mirrored_picture_is_named(diagnosed):
+    assert diagnosed(change=lambda f: {k: v[:, ::-1] for k, v in f.items()}) == {"direction": True}
 
 
 @pytest.mark.parametrize("top", [0.6, 0.8])
-def test_a_saturated_projector_is_named(told, top, monkeypatch):
+def test_a_saturated_projector_is_named(diagnosed, top, monkeypatch):
     from fpputil.optics.fringes import Fringe
 
     whole = Fringe._buffer
     cut = lambda fringe, i, n: np.minimum(whole(fringe, i, n), 255 * top)  # noqa: E731
     monkeypatch.setattr(Fringe, "_buffer", cut)
-    assert told() == {"clipped": True}
+    assert diagnosed() == {"clipped": True}
 
 
 @pytest.mark.parametrize(
@@ -138,19 +143,19 @@ def test_a_saturated_projector_is_named(told, top, monkeypatch):
         ({"gamma": 0.5}, {}),
     ],
 )
-def test_light_that_does_not_suit_is_named(told, camera, expected):
-    assert told(**camera) == expected
+def test_light_that_does_not_suit_is_named(diagnosed, camera, expected):
+    assert diagnosed(**camera) == expected
 
 
-def test_a_response_that_is_left_as_it_is_is_named(told):
+def test_a_response_that_is_left_as_it_is_is_named(diagnosed):
     few = Patterns(PROJECTOR, fringe_set((912, 114, 18), (8, 8, 3)))
-    assert told(few, gamma=0.7) == {}
-    assert told(few, power=1.0, gamma=0.7) == {"response": False}
+    assert diagnosed(few, gamma=0.7) == {}
+    assert diagnosed(few, gamma_back=1.0, gamma=0.7) == {"response": False}
 
 
 @pytest.mark.parametrize("level", [0, 200])
-def test_a_picture_without_fringes_is_named(told, level):
-    assert told(change=lambda f: {k: np.full_like(v, level) for k, v in f.items()}) == {
+def test_a_picture_without_fringes_is_named(diagnosed, level):
+    assert diagnosed(change=lambda f: {k: np.full_like(v, level) for k, v in f.items()}) == {
         "dark": True
     }
 
@@ -170,3 +175,9 @@ def test_steps_that_do_not_belong_are_found():
     bad[2] = frames[5]
     assert sorted(misfits(bad)) == [2, 7]
     assert misfits(frames[:4]) == [] and exchanged(frames[:4]) is None
+
+
+def test_every_finding_says_what_to_do():
+    assert set(SEVERE) < set(FINDINGS)
+    for message, remedy in FINDINGS.values():
+        assert message and remedy and not message.endswith(".") and not remedy.endswith(".")

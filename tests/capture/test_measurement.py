@@ -1,16 +1,16 @@
-"""A capture decoded photograph by photograph: against the geometry, and what a pixel is worth."""
+"""A capture decoded fringe by fringe: against the geometry, and what a pixel is worth."""
 
 import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.marking import Reason
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
-from fpputil.capture.quality import Noise, noise_of, order_step
+from fpputil.capture.quality import Reason
 from fpputil.capture.virtual import photograph
 from fpputil.decoding.decoder import decode
+from fpputil.decoding.triangulation import depth_of, triangulate
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycasting import raycast
@@ -44,23 +44,23 @@ def test_every_unwrapping_finds_the_columns(tmp_path, view, name):
     patterns = SETS[name]
     axis = patterns.axes[0]
     system = SYSTEM if name == "minimum" else None
-    found = measure(written(tmp_path, view, patterns, noise=0.5), axis, system=system)
+    result = measure(written(tmp_path, view, patterns, noise=0.5), axis, system=system)
     truth = view.column if axis == "column" else view.row
-    off = (found.coordinate - truth)[found.mask]
-    assert found.mask.sum() > 0.9 * view.mask.sum()
-    assert np.abs(off).max() < 0.5 * min(f.pitch for f in found.fringes)
+    off = (result.coordinate - truth)[result.mask]
+    assert result.mask.sum() > 0.9 * view.mask.sum()
+    assert np.abs(off).max() < 0.5 * min(f.pitch for f in result.fringes)
     assert np.sqrt(np.mean(off**2)) < 0.25
-    assert np.isnan(found.Phi[~found.mask]).all()
-    assert (found.reason[~view.mask] != Reason.GOOD).all()
+    assert np.isnan(result.Phi[~result.mask]).all()
+    assert (result.reason[~view.mask] != Reason.GOOD).all()
 
 
 def test_it_is_what_the_decoder_of_all_frames_finds(tmp_path, view):
     patterns = SETS["mf"]
-    found = measure(written(tmp_path, view, patterns))
+    result = measure(written(tmp_path, view, patterns))
     frames = [f for _, f in photograph(view, patterns, SYSTEM, 0, noise=1.0)]
     whole = decode(np.stack(frames), patterns.fringes, 912)
-    np.testing.assert_allclose(found.Phi[found.mask], whole.Phi[found.mask], atol=1e-3)
-    np.testing.assert_allclose(found.modulation, whole.modulation, atol=1e-3)
+    np.testing.assert_allclose(result.Phi[result.mask], whole.Phi[result.mask], atol=1e-3)
+    np.testing.assert_allclose(result.modulation, whole.modulation, atol=1e-3)
 
 
 def test_sixteen_bit_is_the_same_scene(tmp_path, view):
@@ -73,6 +73,7 @@ def test_sixteen_bit_is_the_same_scene(tmp_path, view):
     np.testing.assert_allclose(measure(capture).Phi, eight.Phi, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps, noise", [(3, 2.0), (4, 3.0), (8, 2.0), (15, 4.0)])
 def test_the_predicted_uncertainty_is_that_of_many_trials(tmp_path, view, steps, noise):
     patterns = Patterns(PROJECTOR, fringe_set((912, 114, 24), steps), files="{pitch}-{step}.npy")
@@ -111,47 +112,29 @@ def test_reasons_tell_dark_saturated_unsure_and_outside(tmp_path, view):
     assert not wrong[noisy.mask].any()
 
 
-def test_the_noise_is_found_as_a_line_over_the_grey_level():
-    rng = np.random.default_rng(0)
-    level = rng.uniform(30, 200, 40000)
-    for steps in (4, 5, 8, 12, 20):
-        phi = rng.uniform(-3, 3, 40000) + 2 * np.pi * np.arange(steps)[:, None] / steps
-        frames = level + 25 * np.cos(phi)
-        frames = frames + np.sqrt(2 + 0.03 * frames) * rng.standard_normal(frames.shape)
-        found = noise_of([frames], 8)
-        for grey in (50, 180):
-            assert found.variance(grey) == pytest.approx(2 + 0.03 * grey, rel=0.1)
-    assert not noise_of([rng.uniform(0, 255, (3, 4000))], 8).known
-    assert Noise(0, 0, True).variance(5) == pytest.approx(1 / 12)
-
-
-def test_a_power_is_estimated_or_taken(tmp_path, view):
-    assert measure(written(tmp_path, view, SETS["mf"])).power == 1
-    some = Patterns(PROJECTOR, fringe_set((912, 114, 24), (8, 8, 3)))
-    capture = written(tmp_path, view, some, gamma=0.6)
-    assert measure(capture).power == pytest.approx(1 / 0.6, rel=0.05)
-    given = measure(capture, power=1 / 0.6)
-    off = np.abs(given.coordinate - view.column)[given.mask]
+def test_gamma_is_estimated_or_taken(tmp_path, view):
+    assert measure(written(tmp_path, view, SETS["mf"])).gamma == 1
+    few = Patterns(PROJECTOR, fringe_set((912, 114, 24), (8, 8, 3)))
+    capture = written(tmp_path, view, few, gamma=0.6)
+    assert measure(capture).gamma == pytest.approx(0.6, rel=0.05)
+    result = measure(capture, gamma=0.6)
+    off = np.abs(result.coordinate - view.column)[result.mask]
     assert np.median(off) < 0.05
 
 
-def test_order_steps_are_how_far_columns_part():
-    assert [order_step(m, 30, 24) for m in ("mf", "mw", "nt", "minimum")] == [24, 6, 6, 24]
-
-
-@pytest.mark.parametrize(
-    "patterns, how, said",
-    [
-        (SETS["mf"], {"axis": "row"}, "axis 'row' given; the patterns have column"),
-        (SETS["minimum"], {}, "no system given"),
-        (SETS["minimum"], {"system": preset("small").system}, "the photographs have 160 x 120"),
-        (Patterns(PROJECTOR, fringe_set((24, 912), 3)), {}, "they must descend strictly"),
-        (Patterns(PROJECTOR, fringe_set((114, 24), 3)), {}, "must cover the whole projector"),
-        (Patterns(PROJECTOR, fringe_set((14, 15), 3), "mw"), {}, "of their beats"),
-    ],
-)
-def test_what_cannot_be_decoded_is_named(tmp_path, view, patterns, how, said):
-    capture = written(tmp_path, view, patterns)
-    with pytest.raises(ValueError) as error:
-        measure(capture, **how)
-    assert said in str(error.value)
+def test_points_are_those_of_the_columns_within_the_range(tmp_path, view):
+    result = measure(written(tmp_path, view, SETS["mf"]))
+    points = result.points(SYSTEM)
+    depth = depth_of(points, SYSTEM)
+    known = np.isfinite(depth)
+    assert (result.mask[known]).all() and known.sum() > 0.95 * result.mask.sum()
+    np.testing.assert_array_equal(
+        points[known],
+        triangulate(result.Phi.astype(float) * np.float64(24 / (2 * np.pi)), SYSTEM)[known],
+    )
+    sigma = result.depth_sigma(depth, SYSTEM)
+    np.testing.assert_array_equal(np.isfinite(sigma), known)
+    slope = (SYSTEM.columns_at(650.5) - SYSTEM.columns_at(649.5))[known]  # pixels a millimetre
+    expected = result.sigma[known] * 24 / (2 * np.pi) / np.abs(slope)
+    near = np.abs(depth[known] - 650) < 5
+    np.testing.assert_allclose(sigma[known][near], expected[near], rtol=0.05)

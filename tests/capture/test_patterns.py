@@ -65,9 +65,12 @@ def test_pictures_are_equation_one(shift):
 @pytest.mark.parametrize(
     "entries, said",
     [
-        ({"projector": (0, 5)}, "projector width 0 given"),
-        ({"projector": (10**6, 5)}, "1000000 given; 32768 pixels at most"),
-        ({"fringes": ()}, "no fringe given"),
+        ({"projector": (0, 5)}, "projector (0, 5) given; width and height"),
+        (
+            {"projector": (10**6, 5)},
+            "width and height, 1 to 32768 pixels each",
+        ),
+        ({"fringes": ()}, "fringes () given; one Fringe or more"),
         ({"fringes": (BOTH[0], BOTH[2], BOTH[1])}, "fringes of both axes mixed"),
         ({"unwrap": "magic"}, "unwrap 'magic' given; one of mf, mw, nt, minimum"),
         ({"shift": 2}, "shift 2 given; one of 1, -1"),
@@ -75,7 +78,7 @@ def test_pictures_are_equation_one(shift):
         ({"order": "random"}, "order 'random' given"),
         ({"first": -1}, "first -1 given"),
         ({"files": "../{axis}-{pitch}-{step}.png"}, "names in the folder itself"),
-        ({"white": "/etc/white.png"}, "names in the folder itself"),
+        ({"white": "/etc/white.png"}, "a name in the folder itself"),
         (
             {"files": "{axis}-{pitch}-{step!r}.png"},
             "{axis}, {pitch}, {step} and {number} are known",
@@ -103,7 +106,7 @@ def test_what_is_wrong_is_named(entries, said):
         ("projector = [48, 32]\n[[fringes]]\npitch = 3", "pitch and steps are needed"),
         ("projector = [48, 32]\n[[fringes]]\npitch = nan\nsteps = 3", "pitch nan given"),
         ("projector = [48, 32]\n[[fringes]]\npitch = 5\nsteps = 2", "2 steps given"),
-        ("projector = [48.5, 32]\n[[fringes]]\npitch = 5\nsteps = 3", "projector width 48.5 given"),
+        ("projector = [48.5, 32]\n[[fringes]]\npitch = 5\nsteps = 3", "projector (48.5, 32) given"),
         ("colour = 3\nprojector = [48, 32]", "entry 'colour' found"),
         ("projector = [48", "patterns.toml: "),
     ],
@@ -136,6 +139,7 @@ def _written(value):
     return str(value)
 
 
+@pytest.mark.slow
 @settings(max_examples=1500, deadline=None)
 @given(ENTRIES, FRINGES, st.binary(max_size=6))
 def test_any_file_is_read_or_refused(tmp_path_factory, entries, fringes, tail):

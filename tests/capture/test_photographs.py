@@ -1,5 +1,7 @@
 """Folders of photographs: every kind of file, and every way in which one can be wrong."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpputil.capture.patterns import Patterns
-from fpputil.capture.photographs import AT_ONCE, open_capture, read_photograph
+from fpputil.capture.photographs import open_capture, read_photograph
 from fpputil.optics.fringes import Fringe
 
 GREY = np.random.default_rng(0).integers(0, 256, (12, 16), np.uint8)
@@ -34,9 +36,15 @@ def test_every_kind_is_read_as_it_is(tmp_path, suffix, dtype):
         (GREY * dtype(3 if dtype != np.uint8 else 1)).astype(dtype),
     )
     np.save(path, image) if suffix == "npy" else cv2.imwrite(str(path), image)
-    found = read_photograph(path)
-    assert found.dtype == dtype
-    np.testing.assert_array_equal(found, image)
+    photograph = read_photograph(path)
+    assert photograph.dtype == dtype
+    np.testing.assert_array_equal(photograph, image)
+
+
+def test_a_name_that_is_not_utf8_is_read(tmp_path):
+    path = tmp_path / os.fsdecode(b"caf\xe9.png")
+    path.write_bytes(cv2.imencode(".png", GREY)[1].tobytes())
+    np.testing.assert_array_equal(read_photograph(path), GREY)
 
 
 @pytest.mark.parametrize("suffix", ["png", "npy"])
@@ -75,16 +83,13 @@ def test_what_is_wrong_with_a_file_is_named(tmp_path):
         refused(f"{name}.npy", said)
 
 
-def test_a_folder_is_found_whole_and_read_in_batches(folder):
+def test_a_folder_is_found_whole_and_read_by_steps(folder):
     capture = open_capture(folder)
     assert capture.size == (12, 16) and capture.dtype == np.uint8 and capture.full == 255
     assert (capture.colours() == 0).all() and capture.colours().shape == (12, 16, 3)
-    sizes, steps = [], []
-    for shots, frames in capture.batches(capture.of(0)):
-        sizes.append(len(frames))
-        steps += [s.step for s in shots]
-        assert (frames == np.array([s.step for s in shots])[:, None, None]).all()
-    assert steps == list(range(20)) and max(sizes) == AT_ONCE
+    frames = capture.frames(0)
+    assert frames.dtype == np.uint8
+    np.testing.assert_array_equal(frames, np.arange(20)[:, None, None] * np.ones((12, 16)))
 
 
 def test_missing_and_differing_photographs_are_named(folder, tmp_path):
@@ -94,7 +99,7 @@ def test_missing_and_differing_photographs_are_named(folder, tmp_path):
     cv2.imwrite(str(folder / "07.png"), np.zeros((9, 9), np.uint8))
     capture = open_capture(folder)
     with pytest.raises(ValueError, match="07.png is 9 x 9 of uint8, the first photograph 16 x 12"):
-        list(capture.batches(capture.of(0)))
+        capture.frames(0)
     with pytest.raises(FileNotFoundError, match="there is no such folder"):
         open_capture(folder / "none")
     (folder / "patterns.toml").unlink()
@@ -102,6 +107,7 @@ def test_missing_and_differing_photographs_are_named(folder, tmp_path):
         open_capture(folder)
 
 
+@pytest.mark.slow
 @settings(max_examples=1500, deadline=None)
 @given(st.sampled_from(["png", "bmp", "tif", "npy"]), st.data())
 def test_any_bytes_are_read_or_refused(tmp_path_factory, suffix, data):

@@ -10,8 +10,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "virtual": ["photograph", "photograph_into", "save_truth"],
         "gamma": ["estimate_gamma", "harmonic_ratio", "linearise"],
         "measurement": ["Measurement", "measure"],
-        "marking": ["Reason"],
-        "diagnosis": ["Finding", "diagnose"],
-        "report": ["overview"],
+        "quality": ["Noise", "Reason", "noise_of"],
+        "diagnosis": ["FINDINGS", "Finding", "diagnose"],
+        "report": ["overview", "report_numbers"],
+        "folder": ["DecodedFolder", "board_pose", "decode_folder"],
     },
 )

@@ -6,25 +6,88 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import permutations
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
-from fpputil.capture.marking import Reason
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.photographs import Capture
-from fpputil.capture.steps import exchanged, misfits, strong
+from fpputil.capture.quality import Reason
 
-SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the setup
-HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
-PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
-SURE = 0.6  # length of a circular mean, above which it tells something
-OFFSET = 0.15  # of an order step
-SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
+FINDINGS = {
+    "exchanged": (
+        "{first} and {second} are exchanged",
+        "exchange their names",
+    ),
+    "frame": (
+        "{files}: does not fit the other steps of {fringe}",
+        "photograph again: a trigger was missed, a step was shown twice or too late, or the light "
+        "changed",
+    ),
+    "swapped": (
+        "the fringes called {pitches} look like {likely}",
+        "exchange the names of the photographs, or the pitches in the pattern file",
+    ),
+    "pitch": (
+        "pitches {pitches} along the {axis}s are given; the photographs show {likely}, if the "
+        "first is right",
+        "give the pitches that were projected",
+    ),
+    "direction": (
+        "the projector's {axis}s grow {way} in the picture",
+        "give shift {shift}: the steps go the other way; if they do not, the projector or the "
+        "camera is mirrored or upside down: set it right, or use --accept",
+    ),
+    "offset": (
+        "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
+        "check that both begin with step 0 and have the steps that were projected",
+    ),
+    "disagree": (
+        "the phases of {pair} do not belong together",
+        "check pitches, their order, the direction of the shift and the unwrapping; or the noise "
+        "is far too high for these pitches",
+    ),
+    "saturated": (
+        "the camera is saturated at {share:.0%} of the lit pixels",
+        "expose less, or close the aperture, until no fringe reaches full scale",
+    ),
+    "clipped": (
+        "the bright halves of {fringe} are flat, below the camera's full scale",
+        "the projector is saturated: lower its brightness and contrast to their neutral values, "
+        "or project with less amplitude",
+    ),
+    "response": (
+        "the response is not linear: the second harmonic is {second:+.1%} of the fringe",
+        "give --gamma, from a capture of five steps or more with the same setup; with three or "
+        "four steps it turns the phase by about as many radians",
+    ),
+    "orders": (
+        "the order is a guess at {share:.0%} of the lit pixels",
+        "take more steps at the long pitches, or a pitch between two that are far apart",
+    ),
+    "dark": (
+        "{lit:.1%} of the pixels are lit, with a median modulation of {level:.0f} grey levels",
+        "expose longer, open the aperture, or darken the room",
+    ),
+    "contrast": (
+        "the modulation of the finest pitch is {contrast:.0%} of the light: the rest is noise "
+        "without use",
+        "darken the room, focus the projector and the camera on the object, or project a longer "
+        "pitch",
+    ),
+    "noise": (
+        "so few steps do not tell the noise, nor whether the response is linear; the uncertainty "
+        "counts the rounding of grey levels alone",
+        "take five steps or more at one pitch, or give --noise and --gamma",
+    ),
+}
+"""Of each finding by its code what is the matter, and what to do about it."""
 
+SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
+"""Findings with which the phases are wrong; with the others they are noisier or fewer."""
 
 ORDER = ("offset", "disagree", "orders")
 FOLLOW = {
@@ -34,247 +97,265 @@ FOLLOW = {
     **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
     "clipped": ("response",),
 }
-"""Doubts that another one explains, and that are not told beside it."""
+"""Findings that another one explains, and that are not told beside it."""
+
+SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the setup
+HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
+PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
+SURE = 0.6  # length of a circular mean, above which it tells something
+OFFSET = 0.15  # of an order step
+SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
+ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
+STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
+STRONG = 400  # pixels at which photographs are compared
 
 
 class Finding(NamedTuple):
-    """One finding.
+    """What speaks against a capture.
 
     Parameters
     ----------
     code : str
-        A word for machines.
+        A key of `FINDINGS`.
     severe : bool
         True if the phases are wrong, not only noisier or fewer.
-    found, remedy : str
-        For people.
+    message, remedy : str
+        What is the matter, and what to do about it.
     """
 
     code: str
     severe: bool
-    found: str
+    message: str
     remedy: str
 
 
-def diagnose(scan: Measurement, capture: Capture) -> list[Finding]:
-    """All that speaks against a scan, the severe first. Chapter 12."""
-    checks = (_repeated, _frequencies, _offset, _saturation, _projector, _response, _orders,
-              _darkness, _contrast, _noise)  # fmt: skip
-    found = [doubt for check in checks for doubt in check(scan, capture)]
-    codes = {doubt.code for doubt in found}
-    follow = {f for cause, effects in FOLLOW.items() if cause in codes for f in effects}
-    found = [doubt for doubt in found if doubt.code not in follow]
-    return sorted(found, key=lambda doubt: not doubt.severe)
+def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
+    """All that speaks against a capture, the severe first. Chapter 12.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        What the fringes along one axis tell.
+    capture : Capture
+        Of which it was made.
+
+    Returns
+    -------
+    list of Finding
+        Without those that another one explains.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fpputil.capture import Patterns, measure, open_capture, photograph_into
+    >>> from fpputil.optics import fringe_set, preset, raycast, shapes
+    >>> system = preset("tiny").system
+    >>> view = raycast(shapes.sphere(100, [0, 0, 660]), system)
+    >>> patterns = Patterns((912, 1140), fringe_set((912, 114, 24), 4))
+    >>> turned = Patterns((912, 1140), patterns.fringes, shift=-1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     photograph_into(folder, view, patterns, system)
+    ...     capture = open_capture(folder, turned)
+    ...     [finding.code for finding in diagnose(measure(capture), capture)]
+    ['direction']
+    """
+    checks = (
+        *(_repeated, _frequencies, _offset, _saturation, _projector),
+        *(_response, _orders, _darkness, _contrast, _noise),
+    )
+    findings = [finding for check in checks for finding in check(measurement, capture)]
+    codes = {finding.code for finding in findings}
+    follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
+    findings = [finding for finding in findings if finding.code not in follow]
+    return sorted(findings, key=lambda finding: not finding.severe)
 
 
-def local_frequencies(scan: Measurement) -> np.ndarray:
+def _finding(code: str, severe: bool | None = None, **values) -> Finding:
+    message, remedy = (text.format(**values) for text in FINDINGS[code])
+    return Finding(code, code in SEVERE if severe is None else severe, message, remedy)
+
+
+def _fringe(m: Measurement, k: int) -> str:
+    return f"pitch {m.fringes[k].pitch:g} along the {m.axis}s"
+
+
+def _share(m: Measurement, reason: Reason) -> float:
+    """Of the lit pixels the share that is left out for a reason."""
+    return float((m.reason == reason).sum() / max(m.lit.sum(), 1))
+
+
+def _repeated(m, capture) -> Iterator[Finding]:
+    """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
+    numbers = [k for k, f in enumerate(capture.patterns.fringes) if f.axis == m.axis]
+    for k, (frames, number) in enumerate(zip(m.sample, numbers, strict=True)):
+        frames = _strong(linearise(frames, m.gamma))
+        if frames.shape[1] < 20:
+            continue
+        files = [shot.file for shot in capture.of(number)]
+        if pair := exchanged(frames):
+            yield _finding("exchanged", first=files[pair[0]], second=files[pair[1]])
+        elif bad := misfits(frames):
+            yield _finding("frame", files=", ".join(files[n] for n in bad), fringe=_fringe(m, k))
+
+
+def _frequencies(m, capture) -> Iterator[Finding]:
+    """What the local frequencies tell of the pitches and of the direction."""
+    frequencies = local_frequencies(m)
+    yield from _pitches(m, np.abs(frequencies))
+    clear = np.abs(frequencies) > 1e-3
+    if clear.any() and np.median(np.sign(frequencies[clear])) <= 0:  # they fall, and should grow
+        way = "from right to left" if m.axis == "column" else "upwards"
+        yield _finding("direction", axis=m.axis, way=way, shift=-capture.patterns.shift)
+
+
+def _pitches(m, frequencies) -> Iterator[Finding]:
+    """Fringes whose pictures are as coarse as another one's should be."""
+    if m.lit.sum() < 1000 or np.median(m.modulation[:, m.lit]) < 16:
+        return  # a slow fringe cannot be told from noise
+    if len(frequencies) < 2 or not np.isfinite(frequencies).all() or (frequencies < 1e-3).any():
+        return
+    declared = np.array([f.pitch for f in m.fringes])
+
+    def spread(pitches):  # frequency times pitch is the same for all, if they are right
+        return np.ptp(np.log(frequencies * np.array(pitches)))
+
+    limit = 2 * np.log1p(PITCH_OFF)
+    nearest = np.abs(np.subtract.outer(declared, declared))[~np.eye(len(declared), dtype=bool)]
+    if spread(declared) < limit or nearest.min() < PITCH_OFF * declared.min():
+        return
+    pitches = ", ".join(f"{p:g}" for p in declared)
+    best = min(permutations(declared), key=spread) if len(declared) <= 6 else tuple(declared)
+    if spread(best) < limit:
+        yield _finding("swapped", pitches=pitches, likely=", ".join(f"{p:g}" for p in best))
+    else:
+        likely = ", ".join(f"{declared[0] * frequencies[0] / f:.3g}" for f in frequencies)
+        yield _finding("pitch", pitches=pitches, axis=m.axis, likely=likely)
+
+
+def local_frequencies(m: Measurement) -> np.ndarray:
     """Median local frequency of each pitch across the picture, radians a pixel, (P,); signed.
 
     From left to right for fringes along columns, downwards for those along rows. Above pi a
     pixel it wraps, and tells nothing.
     """
-    along = 1 if scan.axis == "column" else 0
-    lit = scan.reason != Reason.DARK
-    found = []
-    for phi in scan.wrapped:
+    along, lit = (1 if m.axis == "column" else 0), m.lit
+    medians = []
+    for phi in m.wrapped:
         phasor = np.exp(1j * phi)
         turn = np.roll(phasor, -1, along) * phasor.conj() * (lit & np.roll(lit, -1, along))
-        parts = (cv2.boxFilter(np.ascontiguousarray(p, np.float32), -1, SMOOTH)
-                 for p in (turn.real, turn.imag))  # fmt: skip
-        real, imaginary = parts
-        found.append(np.median(np.arctan2(imaginary, real)[lit]) if lit.any() else np.nan)
-    return np.array(found)
+        real, imaginary = (
+            cv2.boxFilter(np.ascontiguousarray(part, np.float32), -1, SMOOTH)
+            for part in (turn.real, turn.imag)
+        )
+        medians.append(np.median(np.arctan2(imaginary, real)[lit]) if lit.any() else np.nan)
+    return np.array(medians)
 
 
-def _name(scan: Measurement, k: int) -> str:
-    return f"pitch {scan.fringes[k].pitch:g} along the {scan.axis}s"
-
-
-def _repeated(scan, capture) -> Iterator[Finding]:
-    """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
-    numbers = [k for k, f in enumerate(capture.patterns.fringes) if f.axis == scan.axis]
-    for k, (frames, number) in enumerate(zip(scan.sample, numbers, strict=True)):
-        frames = strong(linearise(frames, scan.power))
-        if frames.shape[1] < 20:
-            continue
-        files = [shot.file for shot in capture.of(number)]
-        bad, pair = misfits(frames), exchanged(frames)
-        if pair:
-            yield Finding(
-                "exchanged", True, f"{files[pair[0]]} and {files[pair[1]]} are exchanged",
-                "exchange their names",
-            )  # fmt: skip
-        elif bad:
-            names = ", ".join(files[n] for n in bad)
-            yield Finding(
-                "frame", True, f"{names}: does not fit the other steps of {_name(scan, k)}",
-                "photograph again: a trigger was missed, a step was shown twice or too late, or "
-                "the light changed",
-            )  # fmt: skip
-
-
-def _frequencies(scan, capture) -> Iterator[Finding]:
-    """What the local frequencies tell of the pitches and of the direction."""
-    found = local_frequencies(scan)
-    yield from _pitches(scan, np.abs(found))
-    yield from _direction(scan, capture, found)
-
-
-def _pitches(scan, found) -> Iterator[Finding]:
-    """Fringes whose pictures are as coarse as another one's should be."""
-    lit = scan.reason != Reason.DARK
-    if lit.sum() < 1000 or np.median(scan.modulation[:, lit]) < 16:
-        return  # a slow fringe cannot be told from noise
-    if len(found) < 2 or not np.isfinite(found).all() or (found < 1e-3).any():
-        return
-    declared = np.array([f.pitch for f in scan.fringes])
-
-    def off(pitches):
-        logs = np.log(found * pitches)
-        return np.ptp(logs)
-
-    limit = 2 * np.log1p(PITCH_OFF)
-    nearest = np.abs(np.subtract.outer(declared, declared))[~np.eye(len(declared), dtype=bool)]
-    if off(declared) < limit or nearest.min() < PITCH_OFF * declared.min():
-        return
-    best = min(permutations(declared), key=off) if len(declared) <= 6 else tuple(declared)
-    shown = ", ".join(f"{p:g}" for p in declared)
-    if off(np.array(best)) < limit:
-        yield Finding(
-            "swapped", True, f"the fringes called {shown} look like "
-            + ", ".join(f"{p:g}" for p in best),
-            "exchange the names of the photographs, or the pitches in the pattern file",
-        )  # fmt: skip
-    else:
-        seen = ", ".join(f"{declared[0] * found[0] / f:.3g}" for f in found)
-        yield Finding(
-            "pitch", True, f"pitches {shown} along the {scan.axis}s are given; the photographs "
-            f"show {seen}, if the first is right", "give the pitches that were projected",
-        )  # fmt: skip
-
-
-def _direction(scan, capture, found) -> Iterator[Finding]:
-    """Phases that fall where projector coordinates should grow."""
-    clear = np.abs(found) > 1e-3
-    if not clear.any() or np.median(np.sign(found[clear])) > 0:
-        return
-    way = "from right to left" if scan.axis == "column" else "upwards"
-    yield Finding(
-        "direction", True, f"the projector's {scan.axis}s grow {way} in the picture",
-        f"give shift {-capture.patterns.shift}: the steps go the other way; if they do not, the "
-        "projector or the camera is mirrored or upside down: set it right, or use --accept",
-    )  # fmt: skip
-
-
-def _offset(scan, capture) -> Iterator[Finding]:
+def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
-    for k, (offset, sharpness) in enumerate(zip(scan.offsets, scan.sharpness, strict=True)):
-        pair = f"{_name(scan, k)} and pitch {scan.fringes[k + 1].pitch:g}"
+    for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
+        pair = f"{_fringe(m, k)} and pitch {m.fringes[k + 1].pitch:g}"
         if sharpness > SURE and abs(offset) > OFFSET:
-            yield Finding(
-                "offset", True, f"the phases of {pair} are apart by {offset:+.2f} of an order "
-                "everywhere", "check that both begin with step 0 and have the steps that were "
-                "projected",
-            )  # fmt: skip
-        elif sharpness < SURE / 2 and (scan.reason != Reason.DARK).any():
-            yield Finding(
-                "disagree", True, f"the phases of {pair} do not belong together",
-                "check pitches, their order, the direction of the shift and the unwrapping; or "
-                "the noise is far too high for these pitches",
-            )  # fmt: skip
+            yield _finding("offset", pair=pair, offset=offset)
+        elif sharpness < SURE / 2 and m.lit.any():
+            yield _finding("disagree", pair=pair)
 
 
-def _share(scan, reason) -> float:
-    lit = (scan.reason != Reason.DARK).sum()
-    return float((scan.reason == reason).sum() / max(lit, 1))
-
-
-def _saturation(scan, capture) -> Iterator[Finding]:
-    share = _share(scan, Reason.SATURATED)
+def _saturation(m, capture) -> Iterator[Finding]:
+    share = _share(m, Reason.SATURATED)
     if share > SHARE:
-        yield Finding(
-            "saturated", share > 0.5, f"the camera is saturated at {share:.0%} of the lit pixels",
-            "expose less, or close the aperture, until no fringe reaches full scale",
-        )  # fmt: skip
+        yield _finding("saturated", severe=share > 0.5, share=share)
 
 
-def _projector(scan, capture) -> Iterator[Finding]:
+def _projector(m, capture) -> Iterator[Finding]:
     """Fringes whose bright halves are flat although the camera is not saturated."""
-    for k, frames in enumerate(scan.sample):
-        if len(frames) < 6:
-            continue
+    for k, frames in enumerate(m.sample):
         low, high = frames.min(axis=0), frames.max(axis=0)
         use = (high - low > 40) & (high < 0.97 * 255)
-        if use.sum() < 20:
+        if len(frames) < 6 or use.sum() < 20:
             continue
         bright = (frames[:, use] > high[use] - 0.04 * (high - low)[use] - 1).mean()
         if bright > 0.24 + 0.5 / len(frames):
-            yield Finding(
-                "clipped", True, f"the bright halves of {_name(scan, k)} are flat, below the "
-                "camera's full scale", "the projector is saturated: lower its brightness and "
-                "contrast to their neutral values, or project with less amplitude",
-            )  # fmt: skip
+            yield _finding("clipped", fringe=_fringe(m, k))
             return
 
 
-def _response(scan, capture) -> Iterator[Finding]:
+def _response(m, capture) -> Iterator[Finding]:
     """A second harmonic, where a pitch has too few steps for it to fall out."""
-    if min(f.steps for f in scan.fringes) >= LEAST_STEPS:
+    if min(f.steps for f in m.fringes) >= LEAST_STEPS:
         return
-    for frames in scan.sample:
-        frames = linearise(frames, scan.power)
-        if len(frames) < LEAST_STEPS:
-            continue
+    for frames in (linearise(f, m.gamma) for f in m.sample if len(f) >= LEAST_STEPS):
         use = (np.ptp(frames, axis=0) > 40) & (frames.max(axis=0) < 0.97 * 255)
         second = harmonic_ratio(frames[:, use], 2) if use.sum() > 20 else 0.0
         if abs(second) > HARMONIC:
-            yield Finding(
-                "response", False, f"the response is not linear: the second harmonic is "
-                f"{second:+.1%} of the fringe", "give --power, from a capture of five steps or "
-                "more with the same setup; with three or four steps it turns the phase by about "
-                "as many radians",
-            )  # fmt: skip
+            yield _finding("response", second=second)
             return
 
 
-def _orders(scan, capture) -> Iterator[Finding]:
-    share = _share(scan, Reason.UNSURE)
+def _orders(m, capture) -> Iterator[Finding]:
+    share = _share(m, Reason.UNSURE)
     if share > SHARE:
-        yield Finding(
-            "orders", False, f"the order is a guess at {share:.0%} of the lit pixels",
-            "take more steps at the long pitches, or a pitch between two that are far apart",
-        )  # fmt: skip
+        yield _finding("orders", share=share)
 
 
-def _darkness(scan, capture) -> Iterator[Finding]:
-    dark = (scan.reason == Reason.DARK).mean()
-    modulation = scan.modulation.min(axis=0)
-    level = float(np.median(modulation[scan.reason != Reason.DARK])) if dark < 1 else 0.0
-    if dark > 0.98 or level < 20 and _share(scan, Reason.SATURATED) < 0.5:
-        yield Finding(
-            "dark", not scan.mask.any(), f"{1 - dark:.1%} of the pixels are lit, with a median "
-            f"modulation of {level:.0f} grey levels",
-            "expose longer, open the aperture, or darken the room",
-        )  # fmt: skip
+def _darkness(m, capture) -> Iterator[Finding]:
+    lit = m.lit.mean()
+    level = float(np.median(m.modulation.min(axis=0)[m.lit])) if lit > 0 else 0.0
+    if lit < 0.02 or level < 20 and _share(m, Reason.SATURATED) < 0.5:
+        yield _finding("dark", severe=not m.mask.any(), lit=lit, level=level)
 
 
-def _contrast(scan, capture) -> Iterator[Finding]:
-    lit = scan.reason != Reason.DARK
-    if not lit.any():
-        return
-    contrast = float(np.median(scan.modulation[scan.finest][lit] / scan.average[lit]))
-    if contrast < 0.3:
-        yield Finding(
-            "contrast", False, f"the modulation of the finest pitch is {contrast:.0%} of the "
-            "light: the rest is noise without use", "darken the room, focus the projector and the "
-            "camera on the object, or project a longer pitch",
-        )  # fmt: skip
+def _contrast(m, capture) -> Iterator[Finding]:
+    if m.lit.any():
+        contrast = float(np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]))
+        if contrast < 0.3:
+            yield _finding("contrast", contrast=contrast)
 
 
-def _noise(scan, capture) -> Iterator[Finding]:
-    if not scan.noise.known:
-        yield Finding(
-            "noise", False, "so few steps do not tell the noise, nor whether the response is "
-            "linear; the uncertainty counts the rounding of grey levels alone", "take five steps "
-            "or more at one pitch, or give --noise and --power",
-        )  # fmt: skip
+def _noise(m, capture) -> Iterator[Finding]:
+    if not m.noise.known:
+        yield _finding("noise")
+
+
+def _strong(frames) -> np.ndarray:
+    """Up to `STRONG` pixels of (N, S) that see the fringes well and are not saturated."""
+    turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
+    strong = (2 / len(frames) * np.abs(turn @ frames) > 16) & (frames.max(axis=0) < 254)
+    return frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
+
+
+def misfits(frames) -> list[int]:
+    """Steps of (N, S) without which a sinusoid leaves much less of the others, worst first."""
+    bad: list[int] = []
+    if not STEPS[0] <= len(frames) <= STEPS[1]:
+        return bad
+    while len(bad) < len(frames) // 4:
+        keep = [n for n in range(len(frames)) if n not in bad]
+        left = _left(frames, keep)
+        worst = keep[int(np.argmax(left))]
+        without = np.median(_left(frames, [n for n in keep if n != worst]))
+        if left.max() < max(ALONE * without, 3.0) or without > 0.6 * np.median(left):
+            break
+        bad.append(worst)
+    return bad
+
+
+def exchanged(frames) -> tuple[int, int] | None:
+    """The two steps of (N, S) that, exchanged, make them a sinusoid; None if there are none."""
+    if not STEPS[0] <= len(frames) <= STEPS[1]:
+        return None
+    steps = list(range(len(frames)))
+    before, after = np.median(_left(frames, steps)), {}
+    for a, b in combinations(steps, 2):
+        order = [{a: b, b: a}.get(n, n) for n in steps]
+        after[a, b] = np.median(_left(frames[order], steps))
+    best = min(after, key=after.get)
+    return best if before > 3.0 and after[best] < before / ALONE else None
+
+
+def _left(frames, keep) -> np.ndarray:
+    """RMS of what a sinusoid leaves of each kept step, by the median over the pixels."""
+    delta = 2 * np.pi * np.array(keep) / len(frames)
+    terms = np.stack([np.ones_like(delta), np.cos(delta), np.sin(delta)], 1)
+    kept = frames[keep]
+    return np.sqrt(np.median((kept - terms @ (np.linalg.pinv(terms) @ kept)) ** 2, axis=1))

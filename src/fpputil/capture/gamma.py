@@ -1,11 +1,13 @@
 """A response that is not linear: how it shows in a phase, and how to take it back (chapter 12).
 
-Projector and camera together raise the light to some power. That adds harmonics to the fringe, and
-few steps take a harmonic for the fringe itself. The inverse power is found where the photographs
-lose their second harmonic; that needs no target, only a fringe of five steps or more.
+Projector and camera together raise the light to an exponent, gamma. That adds harmonics to the
+fringe, and few steps take a harmonic for the fringe itself. Gamma is found where the photographs,
+raised to 1 / gamma, lose their second harmonic; that needs no target, only five steps or more.
 """
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -13,31 +15,38 @@ from scipy.optimize import brentq
 from fpputil.checks import positive
 from fpputil.optics.fringes import WHITE
 
-POWERS = (0.15, 3.0)
+INVERSES = (0.15, 3.0)
+"""Between which 1 / gamma is looked for."""
+
 LEAST_STEPS = 5
 """With four steps or fewer the second harmonic cannot be told from the fringe or from itself."""
 
 
-def linearise(frames, power: float, full: float = WHITE):
-    """Photographs whose light was raised to a power, made linear: ``255 (I / full) ** power``.
+def linearise(frames, gamma: float, full: float = WHITE):
+    """Photographs through a response, made linear: ``255 (I / full) ** (1 / gamma)``.
 
     Parameters
     ----------
     frames : (...) array
         uint8, uint16 or float, 0 to `full`.
-    power : float
-        1 leaves all but the scale.
+    gamma : float
+        Exponent of the response; 1 leaves all but the scale.
+    full : float
+        Grey level of saturation.
 
     Returns
     -------
     (...) float32 array
         0 to 255.
+
+    Examples
+    --------
+    >>> light = np.array([0.0, 0.25, 1.0])
+    >>> photograph = 255 * light**0.5  # of a camera with gamma 0.5
+    >>> linearise(photograph, 0.5).tolist()
+    [0.0, 63.75, 255.0]
     """
-    positive("power", power)
-    if np.issubdtype(frames.dtype, np.integer):
-        table = np.arange(np.iinfo(frames.dtype).max + 1, dtype=np.float64) / full
-        return (WHITE * table**power).astype(np.float32)[frames]
-    return (WHITE * (np.maximum(frames, 0) / full) ** power).astype(np.float32)
+    return _raised(frames, 1 / positive("gamma", gamma), full)
 
 
 def harmonic_ratio(frames: np.ndarray, order: int) -> float:
@@ -55,6 +64,13 @@ def harmonic_ratio(frames: np.ndarray, order: int) -> float:
     float
         Signed: positive where it is in step with the fringe, so that its bright half is the
         narrower one. 0 for a linear response.
+
+    Examples
+    --------
+    >>> turn = 2 * np.pi * np.arange(8) / 8
+    >>> frames = (100 + 50 * np.cos(turn) + 5 * np.cos(2 * turn))[:, None]
+    >>> round(harmonic_ratio(frames, 2), 6)
+    0.1
     """
     steps = len(frames)
     if not 2 <= order < steps / 2:
@@ -67,7 +83,7 @@ def harmonic_ratio(frames: np.ndarray, order: int) -> float:
 
 
 def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
-    """The power that makes photographs of a fringe linear. Chapter 12.
+    """Exponent of the response through which a fringe was photographed. Chapter 12.
 
     Parameters
     ----------
@@ -79,24 +95,45 @@ def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
     Returns
     -------
     float
-        Between 0.15 and 3. Of light from elsewhere it knows nothing: black should be 0.
+        Between 1/3 and 6.7. Of light from elsewhere it knows nothing: black should be 0.
 
     Raises
     ------
     ValueError
-        If there are too few steps, or no power in this range takes the harmonic away.
+        If there are too few steps, or no gamma in this range takes the harmonic away.
+
+    Examples
+    --------
+    >>> turn = 2 * np.pi * np.arange(12) / 12
+    >>> light = (1 + np.cos(turn))[:, None] / 2
+    >>> round(estimate_gamma(255 * light**2.2), 2)
+    2.2
     """
     if frames.ndim != 2 or len(frames) < LEAST_STEPS or frames.shape[1] == 0:
         raise ValueError(
             f"frames of shape {frames.shape} given; (steps, pixels) are needed, {LEAST_STEPS} "
             "steps or more of at least one pixel"
         )
-    ends = [harmonic_ratio(linearise(frames, p, full), 2) for p in POWERS]
+
+    def second(inverse):
+        return harmonic_ratio(_raised(frames, inverse, full), 2)
+
+    ends = [second(inverse) for inverse in INVERSES]
     if not ends[0] < 0 < ends[1]:
         raise ValueError(
-            f"the second harmonic is {ends[0]:.3f} to {ends[1]:.3f} of the fringe for powers "
-            f"{POWERS[0]} to {POWERS[1]}: no power takes it away; give one, or 1"
+            f"the second harmonic is {ends[0]:.3f} to {ends[1]:.3f} of the fringe for gammas "
+            f"{1 / INVERSES[0]:.1f} to {1 / INVERSES[1]:.2f}: none takes it away; give one, or 1"
         )
-    return float(
-        brentq(lambda p: harmonic_ratio(linearise(frames, p, full), 2), *POWERS, xtol=1e-4)
-    )
+    return 1 / float(brentq(second, *INVERSES, xtol=1e-4))
+
+
+def _raised(frames, inverse: float, full: float):
+    if np.issubdtype(frames.dtype, np.integer):
+        return _table(np.iinfo(frames.dtype).max + 1, inverse, full)[frames]
+    return (WHITE * (np.maximum(frames, 0) / full) ** inverse).astype(np.float32)
+
+
+@lru_cache(maxsize=4)
+def _table(levels: int, inverse: float, full: float) -> np.ndarray:
+    """Each grey level made linear."""
+    return (WHITE * (np.arange(levels) / full) ** inverse).astype(np.float32)

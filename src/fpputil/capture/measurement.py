@@ -1,7 +1,7 @@
 """A capture to absolute phases, with what each pixel is worth: mask, reason, uncertainty (ch. 12).
 
-The photographs are read once, some at a time, and go into sums; a few thousand pixels are kept
-whole, for what can only be seen in the photographs themselves.
+Of the photographs one fringe at a time is in memory. Of all a few thousand pixels are kept, for
+what can only be seen in the photographs themselves.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fpputil.capture.gamma import LEAST_STEPS, estimate_gamma, linearise
-from fpputil.capture.marking import Reason
+from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Noise, judge, noise_of
-from fpputil.capture.stream import Sums
-from fpputil.capture.unwrapper import unwrapper
+from fpputil.capture.quality import Fit, Noise, Reason, fit, judge, noise_of
 from fpputil.decoding import unwrap
+from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
 from fpputil.decoding.phase import THRESHOLD
+from fpputil.decoding.triangulation import points_of
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
@@ -26,10 +26,12 @@ SAMPLE = 64
 """Rows and columns of the grid of pixels that are kept whole."""
 
 LINEAR = 0.04
-"""A power as near to 1 as this leaves a second harmonic of one hundredth: not worth a change."""
+"""A gamma as near to 1 as this leaves a second harmonic of one hundredth: not worth a change."""
+
+TEMPORAL = {"mf": unwrap.mf_tpu, "mw": unwrap.mw_tpu, "nt": unwrap.nt_tpu}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Measurement:
     """What the fringes along one axis tell.
 
@@ -38,8 +40,6 @@ class Measurement:
     axis : {"column", "row"}
     fringes : tuple of P Fringe
         In the order of the patterns.
-    finest : int
-        Which has the shortest pitch.
     wrapped, modulation : (P, H, W) float32 arrays
         Radians, and grey levels of 255, at every pixel.
     average : (H, W) float32 array
@@ -55,15 +55,14 @@ class Measurement:
         share of `fpputil.capture.quality.order_step`, 0 where they agree; and its length, 1 if
         all pixels tell the same, near 0 if they tell nothing.
     noise : Noise
-    power : float
-        To which the grey levels were raised.
+    gamma : float
+        Exponent of the response that was taken back.
     sample : list of (steps, S) arrays
         Of each fringe the grey levels of a grid of pixels, of 255, as photographed.
     """
 
     axis: str
     fringes: tuple[Fringe, ...]
-    finest: int
     wrapped: np.ndarray
     modulation: np.ndarray
     average: np.ndarray
@@ -73,8 +72,18 @@ class Measurement:
     offsets: np.ndarray
     sharpness: np.ndarray
     noise: Noise
-    power: float
+    gamma: float
     sample: list[np.ndarray]
+
+    @property
+    def finest(self) -> int:
+        """Number of the fringe of the shortest pitch."""
+        return int(np.argmin([f.pitch for f in self.fringes]))
+
+    @property
+    def pitch(self) -> float:
+        """Pitch of `Phi`, the shortest one, projector pixels."""
+        return self.fringes[self.finest].pitch
 
     @property
     def mask(self) -> np.ndarray:
@@ -82,9 +91,42 @@ class Measurement:
         return self.reason == Reason.GOOD
 
     @property
+    def lit(self) -> np.ndarray:
+        """(H, W) bool array: True where the fringes are seen."""
+        return self.reason != Reason.DARK
+
+    @property
     def coordinate(self) -> np.ndarray:
         """Projector column (or row), (H, W), pixels; NaN outside the mask."""
-        return self.Phi * np.float32(self.fringes[self.finest].pitch / unwrap.TWO_PI)
+        return self.Phi * np.float32(self.pitch / unwrap.TWO_PI)
+
+    def points(self, system: System) -> np.ndarray:
+        """Points of vertical fringes, (H, W, 3), mm; NaN outside mask and measuring range."""
+        if self.axis != "column":
+            raise ValueError("fringes along rows given; depth comes of those along columns")
+        return points_of(self.Phi, self.pitch, system)
+
+    def depth_sigma(self, depth: np.ndarray, system: System) -> np.ndarray:
+        """Standard deviation of a depth by noise alone, (H, W), mm: sigma over ``|dPhi/dz|``.
+
+        Parameters
+        ----------
+        depth : (H, W) array
+            mm; NaN where there is none.
+        system : System
+        """
+        rate = system.columns_per_mm(np.where(np.isfinite(depth), depth, system.z_min))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sigma = self.sigma * (self.pitch / unwrap.TWO_PI) / rate
+        return np.where(np.isfinite(depth), sigma, np.nan)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What there is to store, by name: float32 with NaN outside the mask; mask and reason."""
+        phases = {"wrapped": self.wrapped, "Phi": self.Phi, "sigma": self.sigma}
+        phases["coordinate"] = self.coordinate
+        named = {k: np.where(self.mask, v, np.nan).astype("f4") for k, v in phases.items()}
+        named |= {"modulation": self.modulation, "mask": self.mask, "reason": self.reason}
+        return {f"{self.axis}_{name}": value for name, value in named.items()}
 
 
 def measure(
@@ -92,7 +134,7 @@ def measure(
     axis: str = "column",
     *,
     threshold: float = THRESHOLD,
-    power: float | None = None,
+    gamma: float | None = None,
     noise: float | None = None,
     system: System | None = None,
     each: Callable[[int], None] | None = None,
@@ -105,113 +147,147 @@ def measure(
     axis : {"column", "row"}
     threshold : float
         Least modulation of every pitch, grey levels of 255.
-    power : float or None
-        The grey levels are raised to it (`fpputil.capture.gamma`). None estimates it from the
-        fringe of most steps, if that has five or more and another one fewer: from five steps on
-        the harmonics of a response fall out, and the power would only raise the noise of the dark.
+    gamma : float or None
+        Exponent of the response, which is taken back (`fpputil.capture.gamma`). None estimates it
+        from the fringe of most steps, if that has five or more and another one fewer: from five
+        steps on the harmonics of a response fall out, and taking it back would only raise the
+        noise of the dark.
     noise : float, optional
         Standard deviation of the camera's noise, grey levels of 255; by default estimated.
     system : System, optional
         Needed by patterns that are unwrapped by the minimum phase.
     each : callable, optional
-        Called with the number of photographs after each batch that was read.
+        Called with the number of photographs after each fringe that was read.
 
     Returns
     -------
-    Scan
+    Measurement
 
     Raises
     ------
     ValueError
         If there is no fringe along the axis, a photograph cannot be read or differs in size,
         or the pitches do not suit the unwrapping.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fpputil.capture import Patterns, open_capture, photograph_into
+    >>> from fpputil.optics import fringe_set, preset, raycast, shapes
+    >>> system = preset("tiny").system
+    >>> view = raycast(shapes.sphere(100, [0, 0, 660]), system)
+    >>> patterns = Patterns((912, 1140), fringe_set((912, 114, 24), 4))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     photograph_into(folder, view, patterns, system)
+    ...     result = measure(open_capture(folder))
+    >>> result.Phi.shape, bool(np.nanmedian(abs(result.coordinate - view.column)) < 0.1)
+    ((120, 160), True)
+    """
+    patterns = capture.patterns
+    unwrapped = unwrapper(patterns, axis, system, capture.size)
+    fits, sample, gamma = _read(capture, axis, gamma, each)
+    fringes = patterns.along(axis)
+    if noise is None:
+        variance = noise_of([linearise(frames, gamma) for frames in sample], threshold)
+    else:
+        variance = Noise(noise**2, 0.0, True)
+    wrapped = np.stack([one.wrapped for one in fits])
+    Phis = unwrapped(wrapped)
+    judged = judge(fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis))
+    finest = int(np.argmin([f.pitch for f in fringes]))
+    good = judged.reason == Reason.GOOD
+    return Measurement(
+        axis=axis,
+        fringes=fringes,
+        wrapped=wrapped,
+        modulation=np.stack([one.modulation for one in fits]),
+        average=fits[finest].average,
+        Phi=np.where(good, Phis[finest], np.nan).astype(np.float32),
+        sigma=np.where(good, judged.sigmas[finest], np.nan).astype(np.float32),
+        reason=judged.reason,
+        offsets=judged.offsets,
+        sharpness=judged.sharpness,
+        noise=variance,
+        gamma=gamma,
+        sample=sample,
+    )
+
+
+def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable:
+    """Function from wrapped phases (P, H, W) to absolute ones, checked before any phase is there.
+
+    Raises
+    ------
+    ValueError
+        If there is no fringe along the axis, the pitches do not suit the unwrapping, or it needs
+        a system that is not given.
+    """
+    pitches, width = [f.pitch for f in patterns.along(axis)], patterns.width(axis)
+    if patterns.unwrap == "minimum":
+        return _by_minimum(pitches, axis, system, size)
+    method = TEMPORAL[patterns.unwrap]
+    method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
+    return lambda wrapped: method(list(wrapped), pitches, width)
+
+
+def _by_minimum(pitches, axis, system, size) -> Callable:
+    if system is None or axis != "column":
+        lack = "no system" if system is None else "fringes along rows"
+        raise ValueError(
+            f'unwrap "minimum" with {lack} given; the minimum phase needs a calibrated system '
+            "and vertical fringes"
+        )
+    if (system.camera.height, system.camera.width) != size:
+        raise ValueError(
+            f"a system of {system.camera.width} x {system.camera.height} pixels given; the "
+            f"photographs have {size[1]} x {size[0]}"
+        )
+    unwrap.check_pitches(pitches, pitches)
+    Phi_min = minimum_phase(system, pitches[0]).astype(np.float32)
+
+    def unwrapped(wrapped):
+        Phis = [unwrap.absolute_phase(wrapped[0], zmin_order(wrapped[0], Phi_min))]
+        for phi, longer, pitch in zip(wrapped[1:], pitches, pitches[1:], strict=False):
+            K = unwrap.fringe_order(phi, Phis[-1], longer / pitch)
+            Phis.append(unwrap.absolute_phase(phi, K))
+        return Phis
+
+    return unwrapped
+
+
+def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.ndarray], float]:
+    """Fit of each fringe, its photographs at the pixels of a grid, and gamma.
+
+    The fringe that tells gamma is read first.
     """
     patterns = capture.patterns
     numbers = [k for k, f in enumerate(patterns.fringes) if f.axis == axis]
-    if not numbers:
-        raise ValueError(f"axis {axis!r} given; the patterns have {', '.join(patterns.axes)}")
-    fringes = tuple(patterns.fringes[k] for k in numbers)
-    unwrapped = unwrapper(patterns, axis, fringes, system, capture.size)
-    sums, sample, power = _read(capture, numbers, power, each)
-    return _judged(sums, sample, unwrapped, patterns, axis, threshold, power, noise)
-
-
-def _grid(size) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the pixels that are kept whole."""
-    v, u = (np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int)) for n in size)
-    return tuple(a.ravel() for a in np.meshgrid(v, u, indexing="ij"))
-
-
-def _read(capture: Capture, numbers, power, each):
-    """Sums of each fringe, its photographs at the pixels of the grid, and the power.
-
-    The fringe that tells the power is read first, and again only if the power is not 1.
-    """
-    fringes = capture.patterns.fringes
-    best = max(numbers, key=lambda k: (fringes[k].steps, -fringes[k].pitch))
-    read = {best: _fringe(capture, best, 1.0 if power is None else power, each)}
-    few = min(fringes[k].steps for k in numbers) < LEAST_STEPS
-    if power is None:
-        power = _power(read[best][1]) if few else 1.0
-        if power != 1:
-            read[best] = _fringe(capture, best, power)
-    for k in numbers:
-        if k != best:
-            read[k] = _fringe(capture, k, power, each)
-    sums, sample = zip(*(read[k] for k in numbers), strict=True)
-    return list(sums), list(sample), power
-
-
-def _fringe(capture: Capture, k: int, power: float, each=None) -> tuple[Sums, np.ndarray]:
-    fringe, v_u = capture.patterns.fringes[k], _grid(capture.size)
-    total, kept = Sums.empty(fringe, capture.size), []
-    for shots, frames in capture.batches(capture.of(k)):
-        kept.append(frames[:, *v_u] * np.float32(capture.scale))
-        steps = [s.step * capture.patterns.shift % fringe.steps for s in shots]
-        if power == 1:
-            total.add(frames, steps, capture.scale, capture.full)
-        else:
-            total.add(linearise(frames, power, capture.full), steps)
+    v_u = np.ix_(
+        *(np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int)) for n in capture.size)
+    )
+    fits, sample = {}, {}
+    for k in sorted(numbers, key=lambda k: (-patterns.fringes[k].steps, patterns.fringes[k].pitch)):
+        fringe, frames = patterns.fringes[k], capture.frames(k)
+        grid = frames[:, *v_u].reshape(fringe.steps, -1) * np.float32(capture.scale)
+        if gamma is None:
+            few = min(patterns.fringes[n].steps for n in numbers) < LEAST_STEPS
+            gamma = _gamma(grid) if few else 1.0
+        fits[k], sample[k] = fit(frames, fringe, patterns.shift, gamma, capture.full), grid
+        del frames  # before those of the next fringe are read
         if each is not None:
-            each(len(shots))
-    return total, np.concatenate(kept)
+            each(fringe.steps)
+    return [fits[k] for k in numbers], [sample[k] for k in numbers], gamma
 
 
-def _power(frames: np.ndarray) -> float:
-    """The power that makes photographs linear; 1 if they nearly are, or do not tell."""
+def _gamma(frames: np.ndarray) -> float:
+    """Gamma of photographs (N, S); 1 if they nearly are linear, or do not tell."""
     if len(frames) < LEAST_STEPS:
         return 1.0
-    try:
-        power = estimate_gamma(frames[:, _lit(frames)])
-    except ValueError:  # which a doubt about the response then tells
-        return 1.0
-    return 1.0 if abs(np.log(power)) < LINEAR else power
-
-
-def _lit(frames) -> np.ndarray:
-    """Which pixels (N, S) -> (S,) see fringes well and are not saturated."""
     turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
     modulation = 2 / len(frames) * np.abs(turn @ frames)
-    return (modulation > 2 * THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
-
-
-def _judged(sums, sample, unwrapped, patterns, axis, threshold, power, noise) -> Measurement:
-    fringes = tuple(s.fringe for s in sums)
-    finest = int(np.argmin([f.pitch for f in fringes]))
-    wrapped = np.stack([s.wrapped for s in sums])
-    modulation = np.stack([s.modulation for s in sums])
-    straight = [linearise(f, power) for f in sample]
-    found = noise_of(straight, threshold) if noise is None else Noise(noise**2, 0.0, True)
-    levels = unwrapped(wrapped)
-    judged = judge(
-        sums, modulation, levels, found, threshold, patterns.unwrap, patterns.width(axis)
-    )
-    good = judged.reason == Reason.GOOD
-    Phi, sigma = (
-        np.where(good, a[finest], np.nan).astype(np.float32)
-        for a in (levels[0].Phis, judged.sigmas)
-    )
-    return Measurement(
-        axis, fringes, finest, wrapped, modulation, sums[finest].average, Phi, sigma,
-        judged.reason, judged.offsets, judged.sharpness, found, power, sample,
-    )  # fmt: skip
+    use = (modulation > 2 * THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
+    try:
+        gamma = estimate_gamma(frames[:, use])
+    except ValueError:  # which the finding "response" then tells
+        return 1.0
+    return 1.0 if abs(np.log(gamma)) < LINEAR else gamma

@@ -9,15 +9,16 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from numbers import Integral
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from fpputil.checks import whole
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE, Fringe
 
@@ -71,6 +72,14 @@ class Patterns:
     ------
     ValueError
         If an entry is not as above.
+
+    Examples
+    --------
+    >>> from fpputil.optics import fringe_set
+    >>> patterns = Patterns((912, 1140), fringe_set((912, 114, 18), 8))
+    >>> shots = patterns.shots()
+    >>> len(shots), shots[-1].file, patterns.picture(shots[-1]).shape
+    (24, 'column-18-07.png', (1140, 912))
     """
 
     projector: tuple[int, int]
@@ -93,6 +102,12 @@ class Patterns:
     def axes(self) -> list[str]:
         """Axes in the order of their first fringe."""
         return list(dict.fromkeys(f.axis for f in self.fringes))
+
+    def along(self, axis: str) -> tuple[Fringe, ...]:
+        """Fringes of an axis; ValueError if there are none."""
+        if axis not in self.axes:
+            raise ValueError(f"axis {axis!r} given; the patterns have {', '.join(self.axes)}")
+        return tuple(f for f in self.fringes if f.axis == axis)
 
     def width(self, axis: str) -> int:
         """Projector pixels along an axis: columns or rows."""
@@ -146,34 +161,34 @@ class Patterns:
         fringe, step = self.fringes[k], n + self.first
         values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
 
-        def shown(match):
+        def filled(match):
             value, digits = values[match[1]], match[2] or "0"
             if isinstance(value, str):
                 return value
             return f"{value:{digits}g}" if match[1] == "pitch" else f"{value:{digits}d}"
 
-        return FIELD.sub(shown, self.files)
+        return FIELD.sub(filled, self.files)
 
     def _matching(self, names: Sequence[str], plain: list[Shot], needed: int):
         """Photographs in plain light, and the names of all others in natural order.
 
         Plain ones that do not go by their own names are the first of all.
         """
-        own = {shot.file for shot in plain}
-        found = sorted((n for n in names if fnmatchcase(n, self.files)), key=natural)
-        if own & set(names):
-            found = [n for n in found if n not in own]
-        elif len(found) == needed + len(plain):
-            first, found = found[: len(plain)], found[len(plain) :]
+        plain_names = {shot.file for shot in plain}
+        matching = sorted((n for n in names if fnmatchcase(n, self.files)), key=natural)
+        if plain_names & set(names):
+            matching = [n for n in matching if n not in plain_names]
+        elif len(matching) == needed + len(plain):
+            first, matching = matching[: len(plain)], matching[len(plain) :]
             plain = [shot._replace(file=n) for shot, n in zip(plain, first, strict=True)]
-        if len(found) != needed:
+        if len(matching) != needed:
             each = " + ".join(str(f.steps) for f in self.fringes)
             raise ValueError(
-                f"{len(found)} files match {self.files!r}; the fringes have {each} = {needed} "
+                f"{len(matching)} files match {self.files!r}; the fringes have {each} = {needed} "
                 f"steps, before which {len(plain)} photographs in plain light may stand (white and "
                 "black in the pattern file)"
             )
-        return plain, found
+        return plain, matching
 
 
 def natural(name: str) -> list:
@@ -182,50 +197,60 @@ def natural(name: str) -> list:
 
 
 def _check(p: Patterns) -> None:
-    if not isinstance(p.projector, tuple) or len(p.projector) != 2:
-        raise ValueError(f"projector {p.projector!r} given; its width and height are needed")
-    for name, side in zip(("width", "height"), p.projector, strict=True):
-        if whole(f"projector {name}", side, 1) > LARGEST:
-            raise ValueError(f"projector {name} {side} given; {LARGEST} pixels at most are taken")
-    if not isinstance(p.fringes, tuple) or not all(isinstance(f, Fringe) for f in p.fringes):
-        raise ValueError(f"fringes {p.fringes!r} given; a tuple of Fringe is needed")
-    if not p.fringes:
-        raise ValueError("no fringe given; at least one is needed")
+    for name, (fits, needed) in NEEDED.items():
+        value = getattr(p, name)
+        if not fits(value):
+            raise ValueError(f"{name} {value!r} given; {needed}")
     if [f.axis for f in p.fringes] != sorted((f.axis for f in p.fringes), key=p.axes.index):
         raise ValueError("fringes of both axes mixed; those of one axis stand together")
-    if max(f.steps for f in p.fringes) > LARGEST:
-        raise ValueError(f"a fringe of more than {LARGEST} steps given")
-    for name, known in (("unwrap", UNWRAP), ("order", ORDERS), ("shift", (1, -1))):
-        value = getattr(p, name)
-        if value not in known or isinstance(value, bool):
-            raise ValueError(
-                f"{name} {value!r} given; one of {', '.join(map(str, known))} is needed"
-            )
-    whole("first", p.first, 0)
-    _check_names(p)
-
-
-def _check_names(p: Patterns) -> None:
-    for name in ("files", "white", "black"):
-        value = getattr(p, name)
-        if not isinstance(value, str) or value != Path(value).name or not value.isprintable():
-            if value or name == "files":
-                raise ValueError(f"{name} {value!r} given; names in the folder itself are needed")
-    rest = FIELD.sub("", p.files)
-    if "{" in rest or "}" in rest:
+    plain = FIELD.sub("", p.files)
+    if "{" in plain or "}" in plain:
         raise ValueError(
             f"files {p.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are known, "
             "with the least number of digits as in {step:02}"
         )
-    if "*" in p.files:
-        return
-    names = [s.file for s in p.shots()]
-    if len(set(names)) < len(names):
-        twice = next(n for n in names if names.count(n) > 1)
+    names = Counter(() if "*" in p.files else (shot.file for shot in p.shots()))
+    twice = [name for name, number in names.items() if number > 1]
+    if twice:
         raise ValueError(
-            f"files {p.files!r} given; {twice} would be several photographs: name the axis, the "
+            f"files {p.files!r} given; {twice[0]} would be several photographs: name the axis, the "
             "pitch and the step where there are several"
         )
+
+
+def _is_whole(value, least: int, most: float = float("inf")) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool) and least <= value <= most
+
+
+def _is_name(value) -> bool:
+    return isinstance(value, str) and value == Path(value).name != "" and value.isprintable()
+
+
+NEEDED = {
+    "projector": (
+        lambda v: isinstance(v, tuple) and len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
+        f"width and height, 1 to {LARGEST} pixels each, are needed",
+    ),
+    "fringes": (
+        lambda v: (
+            isinstance(v, tuple)
+            and v
+            and all(isinstance(f, Fringe) for f in v)
+            and max(f.steps for f in v) <= LARGEST
+        ),
+        f"one Fringe or more, each of up to {LARGEST} steps, is needed",
+    ),
+    "unwrap": (lambda v: v in UNWRAP, f"one of {', '.join(UNWRAP)} is needed"),
+    "shift": (lambda v: _is_whole(v, -1, 1) and v != 0, "one of 1, -1 is needed"),
+    "order": (lambda v: v in ORDERS, f"one of {', '.join(ORDERS)} is needed"),
+    "first": (lambda v: _is_whole(v, 0), "a whole number of 0 or more is needed"),
+    "files": (_is_name, "names in the folder itself are needed"),
+    **dict.fromkeys(
+        ("white", "black"),
+        (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
+    ),
+}
+"""Of each entry of `Patterns` what it must be, and how that is said."""
 
 
 def _toml(p: Patterns) -> str:

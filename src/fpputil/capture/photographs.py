@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import os
-from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +16,6 @@ from fpputil.checks import positive
 from fpputil.optics.fringes import WHITE
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
-AT_ONCE = 8
-"""Photographs in memory at a time, read by two threads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,30 +50,32 @@ class Capture:
 
     def colours(self) -> np.ndarray | None:
         """Photograph in plain light as (H, W, 3) uint8 red, green, blue, if there is one."""
-        found = [s for s in self.shots if s.fringe < 0 and s.step == 0]
-        if not found:
-            return None
-        self._read(found[0])  # which says so if it differs from the others
-        image = read_colours(self.folder / found[0].file) * self.scale
-        return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+        for shot in self.shots:
+            if shot.fringe < 0 and shot.step == 0:
+                self._read(shot)  # which says so if it differs from the others
+                image = read_colours(self.folder / shot.file) * self.scale
+                return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+        return None
 
     def of(self, fringe: int) -> list[Shot]:
         """Photographs of a fringe by step."""
         return sorted(s for s in self.shots if s.fringe == fringe)
 
-    def batches(self, shots: Sequence[Shot]) -> Iterator[tuple[list[Shot], np.ndarray]]:
-        """Photographs (n, H, W) of shots, at most `AT_ONCE` at a time, as they are."""
+    def frames(self, fringe: int) -> np.ndarray:
+        """Photographs of a fringe by step, (N, H, W), as they are; two threads read them."""
+        shots = self.of(fringe)
+        frames = np.empty((len(shots), *self.size), self.dtype)
         with ThreadPoolExecutor(2) as pool:
-            for first in range(0, len(shots), AT_ONCE):
-                some = list(shots[first : first + AT_ONCE])
-                yield some, np.stack(list(pool.map(self._read, some)))
+            for n, image in enumerate(pool.map(self._read, shots)):
+                frames[n] = image
+        return frames
 
     def _read(self, shot: Shot) -> np.ndarray:
         image = read_photograph(self.folder / shot.file)
         if image.shape != self.size or image.dtype != self.dtype:
             raise ValueError(
-                f"{self.folder / shot.file} is {_shown(image.shape, image.dtype)}, the first "
-                f"photograph {_shown(self.size, self.dtype)}; all need one size and depth"
+                f"{self.folder / shot.file} is {_kind(image.shape, image.dtype)}, the first "
+                f"photograph {_kind(self.size, self.dtype)}; all need one size and depth"
             )
         return image
 
@@ -102,18 +102,18 @@ def open_capture(
         If the first photograph cannot be read, or the patterns do not fit the folder.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder} given; there is no such folder")
-    if patterns is None:
-        patterns = of_folder(folder)
-    names = sorted(e.name for e in os.scandir(folder) if _photograph(e))
-    shots = patterns.shots(names)
-    missing = sorted({s.file for s in shots} - set(names))
+    patterns = of_folder(folder) if patterns is None else patterns
+    names = sorted(os.listdir(_there(folder)))
+    readable = [n for n in names if Path(n).suffix.lower() in SUFFIXES and (folder / n).is_file()]
+    shots = patterns.shots(readable)
+    missing = sorted({s.file for s in shots} - set(readable))
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        jpeg = sum(Path(n).suffix.lower() in (".jpg", ".jpeg") for n in names)
+        lossy = f", JPEG ({jpeg} files here) is not: its compression turns the phase"
         raise FileNotFoundError(
             f"{', '.join(missing[:3])}{more} missing in {folder}: {len(shots) - len(missing)} of "
-            f"{len(shots)} photographs found{_unread(folder)}"
+            f"{len(shots)} photographs found; {_suffixes()} are read{lossy if jpeg else ''}"
         )
     first = read_photograph(folder / shots[0].file)
     depth = 65535.0 if first.dtype == np.uint16 else WHITE
@@ -123,15 +123,13 @@ def open_capture(
 
 def of_folder(folder: str | Path) -> Patterns:
     """The patterns of the pattern file in a folder; FileNotFoundError if there is none."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder} given; there is no such folder")
-    if not (folder / NAME).is_file():
+    file = _there(Path(folder)) / NAME
+    if not file.is_file():
         raise FileNotFoundError(
             f"no {NAME} in {folder}; copy it there, or say what was projected (--files, "
             "--pitches, --steps)"
         )
-    return Patterns.load(folder / NAME)
+    return Patterns.load(file)
 
 
 def read_photograph(path: str | Path) -> np.ndarray:
@@ -143,11 +141,17 @@ def read_photograph(path: str | Path) -> np.ndarray:
         If there is no such file.
     ValueError
         If it is cut, empty, of another kind, or holds NaN.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     np.save(f"{folder}/a.npy", np.full((2, 3), 7, np.uint16))
+    ...     read_photograph(f"{folder}/a.npy").tolist()
+    [[7, 7, 7], [7, 7, 7]]
     """
     image = _pixels(Path(path))
-    if image.ndim == 3:
-        image = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(image)
+    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
 
 
 def read_colours(path: str | Path) -> np.ndarray:
@@ -156,69 +160,61 @@ def read_colours(path: str | Path) -> np.ndarray:
     Raises as `read_photograph` does.
     """
     image = _pixels(Path(path))
-    return image[..., ::-1] if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
 
 
 def _pixels(path: Path) -> np.ndarray:
-    """(H, W), or (H, W, 3) with blue first, checked."""
+    """(H, W), or (H, W, 3) with red first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
     if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{path} given; {', '.join(s[1:] for s in SUFFIXES)} files are read")
-    image = _array(path) if path.suffix.lower() == ".npy" else _image(path)
-    if image.ndim == 3 and image.shape[2] == 4:
-        image = image[..., :3]  # without the transparency
-    if image.ndim == 3 and image.shape[2] == 1:
-        image = image[..., 0]
-    if (image.ndim == 3 and image.shape[2] != 3) or image.ndim not in (2, 3) or 0 in image.shape:
+        raise ValueError(f"{path} given; {_suffixes()} files are read")
+    data = path.read_bytes()
+    image = _array(path, data) if path.suffix.lower() == ".npy" else _image(path, data)
+    if image.dtype.kind == "f":
+        image = image.astype(np.float32, copy=False)
+    elif image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"{path} has dtype {image.dtype}; uint8, uint16 or floats are read")
+    if image.ndim == 3 and image.shape[2] in (1, 3, 4):
+        image = image[..., 0] if image.shape[2] == 1 else image[..., :3]  # without transparency
+    elif image.ndim != 2:
         raise ValueError(f"{path} has shape {image.shape}; a photograph is (H, W), or has colours")
+    if 0 in image.shape:
+        raise ValueError(f"{path} has shape {image.shape}; a photograph has pixels")
     if not np.isfinite(image).all():
         raise ValueError(f"{path} has pixels that are NaN or infinite; photograph again")
-    return image
+    return np.ascontiguousarray(image)
 
 
-def _image(path: Path) -> np.ndarray:
-    try:
-        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+def _image(path: Path, data: bytes) -> np.ndarray:
+    try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     except cv2.error as error:
         raise ValueError(f"{path} cannot be read: {error.err or 'OpenCV refuses it'}") from error
     if image is None:
         raise ValueError(f"{path} is cut, or not an image that OpenCV reads")
-    return _kept(path, image)
+    return image[..., [2, 1, 0]] if image.ndim == 3 and image.shape[2] >= 3 else image
 
 
-def _array(path: Path) -> np.ndarray:
+def _array(path: Path, data: bytes) -> np.ndarray:
     try:
-        image = np.load(path, mmap_mode="r", allow_pickle=False)
+        image = np.load(io.BytesIO(data), allow_pickle=False)
     except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
         raise ValueError(f"{path} is cut, or not an array of numbers ({error})") from error
-    if not isinstance(image, np.ndarray) or image.ndim not in (2, 3):
-        raise ValueError(f"{path} has shape {np.shape(image)}; a photograph is (H, W)")
-    image = _kept(path, image)
-    return image[..., [2, 1, 0]] if image.ndim == 3 and image.shape[2] in (3, 4) else image
+    if not isinstance(image, np.ndarray):
+        raise ValueError(f"{path} holds several arrays; a photograph is one, (H, W)")
+    return image
 
 
-def _kept(path: Path, image: np.ndarray) -> np.ndarray:
-    """uint8 and uint16 as they are, floats as float32."""
-    if image.dtype in (np.uint8, np.uint16):
-        return np.array(image)
-    if image.dtype.kind == "f":
-        return np.array(image, np.float32)
-    raise ValueError(f"{path} has dtype {image.dtype}; uint8, uint16 or floats are read")
+def _there(folder: Path) -> Path:
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder} given; there is no such folder")
+    return folder
 
 
-def _unread(folder: Path) -> str:
-    """A word on the photographs of a folder that are of a kind that is not read."""
-    read = f"; {', '.join(s[1:] for s in SUFFIXES)} are read"
-    other = [p for p in folder.iterdir() if p.suffix.lower() in (".jpg", ".jpeg")]
-    if not other:
-        return read
-    return f"{read}, JPEG ({len(other)} files here) is not: its compression turns the phase"
+def _suffixes() -> str:
+    return ", ".join(s[1:] for s in SUFFIXES)
 
 
-def _photograph(entry) -> bool:
-    return entry.is_file() and Path(entry.name).suffix.lower() in SUFFIXES
-
-
-def _shown(shape, dtype) -> str:
+def _kind(shape, dtype) -> str:
     return f"{shape[1]} x {shape[0]} of {dtype}"

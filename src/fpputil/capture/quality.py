@@ -1,23 +1,28 @@
-"""What a pixel of a scan is worth: noise, and reasons not to trust a pixel (chapter 12)."""
+"""What a pixel of a capture is worth: its fit, its noise, reasons not to trust it (chapter 12)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from scipy.special import chdtr, chdtri
 
-from fpputil.capture.marking import Reason, compared, look, mark_unsteady
-from fpputil.capture.stream import Sums
-from fpputil.decoding.unwrap import TWO_PI, Level, guard_columns
-from fpputil.optics.fringes import WHITE
+from fpputil.capture.gamma import linearise
+from fpputil.decoding import phase
+from fpputil.decoding.unwrap import TWO_PI, beat, guard_columns
+from fpputil.optics.fringes import WHITE, Fringe
 
 QUANTISATION = 1 / 12
-"""Variance of rounding, grey levels squared: the least noise a scan is credited with."""
+"""Variance of rounding, grey levels squared: the least noise a capture is credited with."""
 
+CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly turns the phase
+SCATTER = 0.25  # of the modulation, beyond three times the noise
+UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
 AROUND = 31  # pixels, of the square over which modulations are compared
 UNSURE = 0.4  # of `order_step` between the columns of two pitches; at a half the order is a guess
 CERTAIN = 2.5  # standard deviations of the noise that must lie within half an order step
@@ -27,6 +32,88 @@ FEW = 4  # rows and columns, of which one is counted where a mean is enough
 OUTLIERS = 0.2  # share of pixels that are left out, those that scatter most
 LEFT = chdtr(3, chdtri(1, OUTLIERS)) / (1 - OUTLIERS)  # of the variance, by those that are kept
 IN_STEP = 0.25  # most of the second harmonic of a response that a pixel may see
+BLOCK = 2**18  # grey levels that are worked on at a time, so that they stay in the cache
+MIDDLE = np.float32(WHITE / 2)  # squares are summed about it, so that they stay small
+
+
+class Reason(IntEnum):
+    """Why a pixel is not in the mask; the first that holds."""
+
+    GOOD = 0
+    DARK = 1
+    SATURATED = 2
+    SCATTERED = 3
+    UNSTEADY = 4
+    UNSURE = 5
+    OUTSIDE = 6
+
+
+class Fit(NamedTuple):
+    """The sinusoid through the photographs of a fringe, at each pixel; all (H, W) float32 arrays.
+
+    Parameters
+    ----------
+    wrapped
+        phi, radians (Eq. 3).
+    modulation, average
+        I'' (Eq. 16) and I' (Eq. 2), grey levels of 255.
+    residual
+        Variance about the sinusoid, grey levels squared, with N - 3 degrees of freedom; 0 for
+        three steps.
+    clipped
+        Photographs in which the camera was saturated.
+    """
+
+    wrapped: np.ndarray
+    modulation: np.ndarray
+    average: np.ndarray
+    residual: np.ndarray
+    clipped: np.ndarray
+
+
+def fit(frames, fringe: Fringe, shift: int = 1, gamma: float = 1.0, full: float = WHITE) -> Fit:
+    """Fit the sinusoid of a fringe to its photographs. Chapter 12.
+
+    Parameters
+    ----------
+    frames : (N, H, W) array
+        All steps; uint8, uint16 or float32.
+    fringe : Fringe
+    shift : {1, -1}
+        Direction of the steps.
+    gamma : float
+        Of the response, taken back first.
+    full : float
+        Grey level from which on the camera is saturated.
+
+    Examples
+    --------
+    >>> steps = 2 * np.pi * np.arange(4).reshape(4, 1, 1) / 4
+    >>> result = fit(100 + 50 * np.cos(0.3 + steps), Fringe(24, 4))
+    >>> [round(float(value[0, 0]), 3) for value in result]
+    [0.3, 50.0, 100.0, 0.0, 0.0]
+    """
+    steps, height, width = frames.shape
+    delta = fringe.shifts[np.arange(steps) * shift % steps]
+    weights = np.stack([np.sin(delta), np.cos(delta), np.ones(steps)]).astype(np.float32)
+    result = Fit(*np.empty((5, height, width), np.float32))
+    rows = max(1, BLOCK // (steps * width))
+    for top in range(0, height, rows):
+        here = slice(top, top + rows)
+        block = frames[:, here]
+        result.clipped[here] = np.add.reduce(block >= full, axis=0, dtype=np.uint16)
+        scale = np.float32(WHITE / full)
+        grey = (block * scale if gamma == 1 else linearise(block, gamma, full)) - MIDDLE
+        grey = grey.astype(np.float32, copy=False).reshape(steps, -1)
+        M, D, total = (weights @ grey).reshape(3, -1, width)
+        squares = np.einsum("np,np->p", grey, grey).reshape(M.shape)
+        result.wrapped[here] = phase.wrapped_phase(M, D)
+        result.modulation[here] = phase.modulation(M, D, steps)
+        result.average[here] = MIDDLE + total / steps
+        # The sum of squares less what average and modulation account for.
+        left = squares - total * total / steps - (M * M + D * D) * (2 / steps)
+        result.residual[here] = np.maximum(left, 0) / (steps - 3) if steps > 3 else 0
+    return result
 
 
 @dataclass(frozen=True)
@@ -63,6 +150,15 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
         All steps of each fringe at S pixels, grey levels of 255.
     threshold : float
         Least modulation of pixels that count, grey levels.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> steps = 2 * np.pi * np.arange(8)[:, None] / 8
+    >>> frames = 120 + 60 * np.cos(rng.uniform(-3, 3, 5000) + steps)
+    >>> noise = noise_of([frames + 2 * rng.standard_normal(frames.shape)], 8)
+    >>> noise.known, round(float(noise.variance(120)))  # of a scatter of 2
+    (True, 4)
     """
     levels, variances = [], []
     for frames in sample:
@@ -70,9 +166,9 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
         if use.sum() < LEAST_PIXELS:
             continue
         level, scatter = frames[:, use].mean(axis=0), scatter[use]
-        for some in np.array_split(np.argsort(level), min(CLASSES, 1 + len(level) // EACH)):
-            kept = np.sort(scatter[some])[: round((1 - OUTLIERS) * len(some))]
-            levels.append(np.mean(level[some]))
+        for members in np.array_split(np.argsort(level), min(CLASSES, 1 + len(level) // EACH)):
+            kept = np.sort(scatter[members])[: round((1 - OUTLIERS) * len(members))]
+            levels.append(np.mean(level[members]))
             variances.append(kept.mean() / LEFT)
     return _line(levels, variances)
 
@@ -109,9 +205,8 @@ def _line(levels, variances) -> Noise:
     return Noise(float(constant), float(slope), True)
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """What speaks for and against the pixels of a scan.
+class Judgement(NamedTuple):
+    """What speaks for and against the pixels of a capture.
 
     Parameters
     ----------
@@ -131,23 +226,21 @@ class Judged:
 
 
 def judge(
-    sums: Sequence[Sums],
-    modulation: np.ndarray,
-    levels: Sequence[Level],
+    fits: Sequence[Fit],
+    fringes: Sequence[Fringe],
+    Phis: Sequence[np.ndarray],
     noise: Noise,
     threshold: float,
     method: str,
     width: int,
-) -> Judged:
+) -> Judgement:
     """Find a reason not to trust a pixel. Chapter 12.
 
     Parameters
     ----------
-    sums : sequence of P Sums
-    modulation : (P, H, W) array
-        Grey levels.
-    levels : sequence of Level
-        Absolute phases, and those of their beats, radians.
+    fits, fringes : sequences of P Fit and Fringe
+    Phis : sequence of P (H, W) arrays
+        Absolute phases, radians.
     noise : Noise
     threshold : float
         Least modulation of each pitch, grey levels.
@@ -156,39 +249,26 @@ def judge(
     width : int
         Projector pixels along the axis.
     """
-    reason, sigmas = np.zeros(modulation.shape[1:], np.uint8), np.empty_like(modulation)
-    line = np.array([noise.constant, noise.slope, QUANTISATION], np.float32)
-    for k, one in enumerate(sums):
-        look(one.values, one.clipped, one.fringe.steps, line, threshold, reason, sigmas[k])
-    for k in range(len(sums) - 1):
-        _mark_unsteady(modulation[k : k + 2], sigmas[k : k + 2], reason)
+    reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
+    sigmas = [
+        _look(one, fringe.steps, noise, threshold, reason)
+        for one, fringe in zip(fits, fringes, strict=True)
+    ]
+    for k in range(len(fits) - 1):
+        change_sigma = np.hypot(sigmas[k], sigmas[k + 1])
+        _mark_unsteady(fits[k].modulation, fits[k + 1].modulation, change_sigma, reason)
     means = []
-    for apart, sigma in _apart(levels, sigmas, method):
-        good = reason[::FEW, ::FEW] == 0
-        some = np.exp(2j * np.pi * apart[::FEW, ::FEW][good])
-        means.append(some.mean() if some.size else 0)
-        unsure = ~((np.abs(apart) < UNSURE) & (np.float32(CERTAIN) * sigma < 0.5))
-        reason[unsure & (reason == 0)] = Reason.UNSURE
-    means = np.array(means[: len(sums) - 1], complex)
-    finest = int(np.argmin(levels[0].pitches))
-    column = levels[0].Phis[finest] * np.float32(levels[0].pitches[finest] / TWO_PI)
-    some = sigmas[0, ::FEW, ::FEW][reason[::FEW, ::FEW] == 0]
-    guard = _guard(levels[0].pitches[0], some, method, width)
+    for apart, sigma in _apart(Phis, pitches, sigmas, method):
+        turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD])
+        means.append(turns.mean() if turns.size else 0)
+        _mark(reason, ~((np.abs(apart) < UNSURE) & (CERTAIN * sigma < 0.5)), Reason.UNSURE)
+    means = np.array(means[: len(fits) - 1], complex)
+    finest = int(np.argmin(pitches))
+    column = Phis[finest] * np.float32(pitches[finest] / TWO_PI)
+    guard = _guard(pitches[0], sigmas[0][::FEW, ::FEW][reason[::FEW, ::FEW] == 0], method, width)
     inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
-    reason[~inside & (reason == 0)] = Reason.OUTSIDE
-    return Judged(reason, sigmas, np.angle(means) / TWO_PI, np.abs(means))
-
-
-def _apart(levels, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """How far the columns of each two neighbours part, and its noise, in `order_step`s."""
-    for level in levels:
-        if level.parents:  # the difference of two phases has the noise of both
-            sigmas = [np.hypot(sigmas[j], sigmas[j + 1]) for j in level.parents]
-        for k, (p, q) in enumerate(zip(level.pitches, level.pitches[1:], strict=False)):
-            step = TWO_PI * order_step(method, p, q)
-            one, other = np.float32(p / step), np.float32(q / step)
-            apart = level.Phis[k] * one - level.Phis[k + 1] * other
-            yield apart, np.sqrt((sigmas[k] * one) ** 2 + (sigmas[k + 1] * other) ** 2)
+    _mark(reason, ~inside, Reason.OUTSIDE)
+    return Judgement(reason, sigmas, np.angle(means) / TWO_PI, np.abs(means))
 
 
 def order_step(method: str, p: float, q: float) -> float:
@@ -197,18 +277,70 @@ def order_step(method: str, p: float, q: float) -> float:
     Between neighbours of a hierarchy that is the shorter pitch. By beats both orders are wrong
     together, so the columns part by the difference of the pitches; in the number-theoretical
     method by their greatest common divisor.
+
+    Examples
+    --------
+    >>> [order_step(method, 30, 24) for method in ("mf", "mw", "nt")]
+    [24, 6, 6]
     """
     if method == "nt":
         return math.gcd(int(p), int(q))
     return abs(p - q) if method == "mw" else min(p, q)
 
 
-def _mark_unsteady(B, sigmas, reason) -> None:
-    """Mark where the modulation changes between two pitches otherwise than round about."""
+def _mark(reason, fault, why: Reason) -> None:
+    """Give a reason to the pixels that have none yet."""
+    reason[fault & (reason == Reason.GOOD)] = why
+
+
+def _look(one: Fit, steps: int, noise: Noise, threshold: float, reason) -> np.ndarray:
+    """Mark dark, saturated and scattered pixels of a fringe; returns the noise of its phase.
+
+    ``sigma_phi = sqrt(2/N) sigma / B`` with the noise at the average grey level (chapter 3).
+    """
+    B, variance = one.modulation, noise.variance(one.average)
+    scattered = np.sqrt(one.residual) > SCATTER * B + 3 * np.sqrt(variance)
+    _mark(reason, ~(B > threshold), Reason.DARK)
+    _mark(reason, one.clipped > CLIPPED * steps, Reason.SATURATED)
+    _mark(reason, scattered, Reason.SCATTERED)
+    with np.errstate(divide="ignore"):  # a pixel of one grey level in all photographs
+        return np.sqrt(2 / steps * variance) / B
+
+
+def _mark_unsteady(B, other, sigma, reason) -> None:
+    """Mark where the modulation changes between two pitches otherwise than round about.
+
+    The relative noise of a modulation is the noise of its phase.
+    """
+    good = reason == Reason.GOOD
+    change = np.zeros_like(B)
+    np.log(np.divide(B, other, out=change, where=good), out=change, where=good)
     box = (AROUND, AROUND)
-    change, good = compared(B[0], B[1], reason)
-    change_near, good_near = cv2.boxFilter(change, -1, box), cv2.boxFilter(good, -1, box)
-    mark_unsteady(change, change_near, good_near, sigmas[0], sigmas[1], reason)
+    near = cv2.boxFilter(change, -1, box)
+    share = cv2.boxFilter(good.astype(np.float32), -1, box)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        _mark(reason, np.abs(change - near / share) > UNSTEADY + 4 * sigma, Reason.UNSTEADY)
+
+
+def _apart(Phis, pitches, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """How far the columns of each two neighbours part, and its noise, in `order_step`s.
+
+    By beats also the columns of neighbouring beats, and of their beats.
+    """
+    for k, (p, q) in enumerate(zip(pitches, pitches[1:], strict=False)):
+        step = TWO_PI * order_step(method, p, q)
+        one, other = np.float32(p / step), np.float32(q / step)
+        apart = Phis[k] * one - Phis[k + 1] * other
+        yield apart, np.hypot(sigmas[k] * one, sigmas[k + 1] * other)
+    if method == "mw" and len(pitches) > 2:
+        beats = [beat(p, q) for p, q in zip(pitches, pitches[1:], strict=False)]
+        order = np.argsort(beats)
+        yield from _apart(
+            [Phis[j] - Phis[j + 1] for j in order],
+            [beats[j] for j in order],
+            [np.hypot(sigmas[j], sigmas[j + 1]) for j in order],  # a difference has both's noise
+            method,
+        )
 
 
 def _guard(pitch: float, sigma, method: str, width: int) -> float:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 from collections.abc import Sequence
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from fpputil import plotting
 from fpputil.capture.diagnosis import Finding
-from fpputil.capture.marking import Reason
 from fpputil.capture.measurement import Measurement
+from fpputil.capture.quality import Reason
 from fpputil.decoding.phase import THRESHOLD
 
 PIXELS = 480  # of the longer side of a picture on the page
@@ -29,152 +29,109 @@ REASONS = {
     Reason.OUTSIDE: ("outside", "#00b894"),
 }
 SUSPECTS = ListedColormap([colour for _, colour in REASONS.values()])
-STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem}
-table{border-collapse:collapse;margin:1rem 0}td,th{text-align:left;padding:.2rem 1.2rem .2rem 0}
-img{max-width:100%}.severe{color:#b30000}.fine{color:#1e7d32}"""
 
 
-def page(title: str, scans: Sequence[Measurement], found: Sequence[Finding], depth=None) -> str:
+def page(
+    title: str, measurements: Sequence[Measurement], findings: Sequence[Finding], depth=None
+) -> str:
     """The report as one HTML page without any other file. Chapter 12.
 
     Parameters
     ----------
     title : str
-    scans : sequence of Scan
-    found : sequence of Doubt
-        Of all scans.
+    measurements : sequence of Measurement
+        One for each axis.
+    findings : sequence of Finding
+        Of all of them.
     depth : (H, W) array, optional
         mm.
     """
-    pictures = []
-    for scan in scans:
-        figure = overview(scan, depth if scan.axis == "column" else None)
-        pictures.append(_embedded(figure, f"Overview of the fringes along {scan.axis}s"))
+    from jinja2 import Environment
+
+    pictures = {}
+    for one in measurements:
+        figure, file = overview(one, depth if one.axis == "column" else None), io.BytesIO()
+        figure.savefig(file, format="png", dpi=100)
         plt.close(figure)
-    title = html.escape(title)
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{STYLE}</style></head><body><h1>{title}</h1>{_verdict(found)}"
-        f"{_doubts(found)}{_numbers(scans)}{''.join(pictures)}</body></html>\n"
-    )
+        pictures[one.axis] = base64.b64encode(file.getvalue()).decode()
+    text = Path(__file__).with_name("report.html").read_text(encoding="utf-8")
+    template = Environment(autoescape=True, trim_blocks=True).from_string(text)
+    numbers = {one.axis: report_numbers(one) for one in measurements}
+    return template.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
 
 
-def overview(scan: Measurement, depth=None) -> Figure:
+def report_numbers(measurement: Measurement) -> dict[str, str]:
+    """What the page says in numbers, as text by name. Chapter 12."""
+    m, mask = measurement, measurement.mask
+    lit = max(int(m.lit.sum()), 1)
+    shares = {REASONS[r][0]: (m.reason == r).sum() / lit for r in Reason if r > Reason.DARK}
+    typical = (lambda a: float(np.median(a[mask]))) if mask.any() else (lambda a: float("nan"))
+    noise = typical(np.sqrt(m.noise.variance(m.average)))
+    return {
+        "pixels in the mask": f"{mask.mean():.1%}, {mask.sum() / lit:.1%} of the lit ones",
+        "pitches, steps": ", ".join(f"{f.pitch:g} x {f.steps}" for f in m.fringes),
+        "modulation of the finest pitch, median": f"{typical(m.modulation[m.finest]):.1f}",
+        "noise, grey levels": f"{noise:.2f}" + ("" if m.noise.known else " (assumed)"),
+        "gamma": f"{m.gamma:.3f}",
+        "uncertainty of the phase, median": f"{typical(m.sigma):.4f} rad",
+        **{f"of the lit pixels {name}": f"{share:.2%}" for name, share in shares.items()},
+    }
+
+
+def overview(measurement: Measurement, depth=None) -> Figure:
     """Photograph, grey levels, modulation, phases, uncertainty and what is not in the mask.
 
     Parameters
     ----------
-    scan : Scan
+    measurement : Measurement
     depth : (H, W) array, optional
-        mm.
+        mm; without it a row of projector columns is drawn in its place.
     """
-    shape = scan.average.shape
+    m, shape = measurement, measurement.average.shape
     fig, axes = plotting.panels(3, 3, 11.0, shape[0] / shape[1])
-    few = max(1, max(shape) // PIXELS)
-    best, pitch = scan.finest, scan.fringes[scan.finest].pitch
-    wrapped = np.where(scan.mask, scan.wrapped[best], np.nan)
-    plotting.frame(axes[0], scan.average[::few, ::few], "average of the finest fringe")
-    _levels(axes[1], scan)
-    plotting.quantity(axes[2], scan.modulation[best][::few, ::few], "modulation", "grey levels")
-    plotting.wrapped(axes[3], wrapped[::few, ::few], f"wrapped phase, pitch {pitch:g}")
-    plotting.absolute(axes[4], scan.Phi[::few, ::few])
-    high = float(np.nanpercentile(scan.sigma, 98)) if scan.mask.any() else 1.0
-    plotting.quantity(axes[5], scan.sigma[::few, ::few], "uncertainty", "rad", 0, high)
-    _suspects(axes[6], scan.reason[::few, ::few])
-    _modulations(axes[7], scan)
-    if depth is None:
-        _profile(axes[8], scan)
-    else:
-        plotting.depth(axes[8], depth[::few, ::few])
+    few = (slice(None, None, max(1, max(shape) // PIXELS)),) * 2
+    wrapped = np.where(m.mask, m.wrapped[m.finest], np.nan)
+    high = float(np.nanpercentile(m.sigma, 98)) if m.mask.any() else 1.0
+    plotting.frame(axes[0], m.average[few], "average of the finest fringe")
+    _grey_levels(axes[1], m)
+    plotting.quantity(axes[2], m.modulation[m.finest][few], "modulation", "grey levels")
+    plotting.wrapped(axes[3], wrapped[few], f"wrapped phase, pitch {m.pitch:g}")
+    plotting.absolute(axes[4], m.Phi[few])
+    plotting.quantity(axes[5], m.sigma[few], "uncertainty", "rad", 0, high)
+    _suspects(axes[6], m.reason[few])
+    _modulations(axes[7], m)
+    _profile(axes[8], m) if depth is None else plotting.depth(axes[8], depth[few])
     return fig
 
 
-def _levels(ax, scan: Measurement) -> None:
+def _grey_levels(ax, m: Measurement) -> None:
     """How often each grey level occurs, per pitch."""
-    for frames, fringe in zip(scan.sample, scan.fringes, strict=True):
+    how = {"bins": 64, "range": (0, 256), "histtype": "step"}
+    for frames, fringe in zip(m.sample, m.fringes, strict=True):
         lit = np.ptp(frames, axis=0) > 2 * THRESHOLD
-        ax.hist(
-            frames[:, lit].ravel(),
-            64,
-            range=(0, 256),
-            histtype="step",
-            label=f"pitch {fringe.pitch:g}",
-        )
-    ax.set(
-        xlabel="grey level", title="grey levels where fringes are seen", yticks=[], xlim=(0, 256)
-    )
+        ax.hist(frames[:, lit].ravel(), label=f"pitch {fringe.pitch:g}", **how)
+    ax.set(xlabel="grey level", title="grey levels where fringes are seen", yticks=[])
+    ax.set(xlim=(0, 256))
     ax.legend(fontsize=7)
 
 
-def _modulations(ax, scan: Measurement) -> None:
-    for B, fringe in zip(scan.modulation, scan.fringes, strict=True):
-        ax.hist(B.ravel(), 64, range=(0, 128), histtype="step", label=f"pitch {fringe.pitch:g}")
+def _modulations(ax, m: Measurement) -> None:
+    how = {"bins": 64, "range": (0, 128), "histtype": "step"}
+    for B, fringe in zip(m.modulation, m.fringes, strict=True):
+        ax.hist(B.ravel(), label=f"pitch {fringe.pitch:g}", **how)
     ax.set(xlabel="modulation, grey levels", title="modulation", yscale="log", xlim=(0, 128))
     ax.legend(fontsize=7)
 
 
 def _suspects(ax, reason) -> None:
-    shown = ax.imshow(reason, cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
-    bar = ax.figure.colorbar(shown, ax=ax, ticks=range(7), fraction=0.046, pad=0.03)
+    image = ax.imshow(reason, cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
+    bar = ax.figure.colorbar(image, ax=ax, ticks=range(7), fraction=0.046, pad=0.03)
     bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
     ax.set(xticks=[], yticks=[], title="why a pixel is left out")
     ax.grid(False)
 
 
-def _profile(ax, scan: Measurement) -> None:
-    line = int(np.argmax(scan.mask.sum(axis=1)))
-    ax.plot(scan.coordinate[line])
-    ax.set(xlabel="camera column", ylabel=f"projector {scan.axis}", title=f"row {line}")
-
-
-def _embedded(figure: Figure, alt: str) -> str:
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=100)
-    data = base64.b64encode(file.getvalue()).decode()
-    return f'<img alt="{alt}" src="data:image/png;base64,{data}">'
-
-
-def _verdict(found) -> str:
-    if any(d.severe for d in found):
-        return '<p class="severe"><b>The phases are wrong.</b> Do not use them.</p>'
-    if found:
-        return "<p><b>Usable, and could be better:</b></p>"
-    return '<p class="fine"><b>Nothing speaks against this capture.</b></p>'
-
-
-def _doubts(found) -> str:
-    rows = [
-        f"<li{' class=severe' if d.severe else ''}>{html.escape(d.found)}. "
-        f"<i>{html.escape(d.remedy)}.</i></li>"
-        for d in found
-    ]
-    return f"<ul>{''.join(rows)}</ul>" if rows else ""
-
-
-def _numbers(scans) -> str:
-    names = list(report_numbers(scans[0]))
-    columns = [report_numbers(scan) for scan in scans]
-    head = "".join(f"<th>{scan.axis}s</th>" for scan in scans)
-    rows = "".join(
-        f"<tr><td>{name}</td>{''.join(f'<td>{c[name]}</td>' for c in columns)}</tr>"
-        for name in names
-    )
-    return f"<table><tr><th></th>{head}</tr>{rows}</table>"
-
-
-def report_numbers(scan: Measurement) -> dict[str, str]:
-    """What the page says in numbers, as text by name."""
-    mask, reason = scan.mask, scan.reason
-    lit = max(int((reason != Reason.DARK).sum()), 1)
-    out = {REASONS[r][0]: f"{(reason == r).sum() / lit:.2%}" for r in Reason if r > Reason.DARK}
-    typical = (lambda a: float(np.median(a[mask]))) if mask.any() else (lambda a: float("nan"))
-    noise = typical(np.sqrt(scan.noise.variance(scan.average)))
-    return {
-        "pixels in the mask": f"{mask.mean():.1%}, {mask.sum() / lit:.1%} of the lit ones",
-        "pitches, steps": ", ".join(f"{f.pitch:g} x {f.steps}" for f in scan.fringes),
-        "modulation of the finest pitch, median": f"{typical(scan.modulation[scan.finest]):.1f}",
-        "noise, grey levels": f"{noise:.2f}" + ("" if scan.noise.known else " (assumed)"),
-        "power": f"{scan.power:.3f}",
-        "uncertainty of the phase, median": f"{typical(scan.sigma):.4f} rad",
-        **{f"of the lit pixels {name}": share for name, share in out.items()},
-    }
+def _profile(ax, m: Measurement) -> None:
+    line = int(np.argmax(m.mask.sum(axis=1)))
+    ax.plot(m.coordinate[line])
+    ax.set(xlabel="camera column", ylabel=f"projector {m.axis}", title=f"row {line}")

@@ -81,6 +81,17 @@ def photograph_into(
         There, or its parent is.
 
     Other parameters and errors are those of `photograph`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fpputil.optics import fringe_set, preset, raycast, shapes
+    >>> system = preset("tiny").system
+    >>> view = raycast(shapes.sphere(100, [0, 0, 660]), system)
+    >>> with tempfile.TemporaryDirectory() as room:
+    ...     photograph_into(room, view, Patterns((912, 1140), fringe_set(24, 3)), system)
+    ...     sorted(path.name for path in Path(room).iterdir())[:2]
+    ['column-24-00.png', 'column-24-01.png']
     """
     folder = Path(folder)
     folder.mkdir(exist_ok=True)

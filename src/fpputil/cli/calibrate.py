@@ -40,6 +40,7 @@ def add_to(commands) -> None:
 def _calibrate(options) -> None:
     from fpputil.calibration.board import Board
     from fpputil.calibration.zhang import calibrate
+    from fpputil.capture.folder import board_pose
     from fpputil.capture.patterns import Patterns
 
     board = Board(*options.board, options.square, options.kind)
@@ -49,7 +50,7 @@ def _calibrate(options) -> None:
     if not options.folder.is_dir():
         raise FileNotFoundError(f"{options.folder} given; there is no such folder")
     folders = sorted(p for p in options.folder.iterdir() if p.is_dir())
-    read = [_pose(folder, shared) for folder in folders]
+    read = [board_pose(folder, shared) for folder in folders]
     if not read:
         raise ValueError(f"{options.folder} given; it holds no folder, and a pose is a folder")
     projectors = {projector for _, projector in read}
@@ -61,30 +62,6 @@ def _calibrate(options) -> None:
     )  # fmt: skip
     found.system.save(options.out)
     _say(options, found)
-
-
-def _pose(folder, patterns):
-    """The board as one folder shows it, and the size of the projector."""
-    import numpy as np
-
-    from fpputil.calibration.zhang import Pose
-    from fpputil.capture.diagnosis import diagnose
-    from fpputil.capture.measurement import measure
-    from fpputil.capture.photographs import open_capture
-
-    capture = open_capture(folder, patterns)
-    if set(capture.patterns.axes) != {"column", "row"}:
-        raise ValueError(
-            f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
-            "columns and rows (`fpp patterns --axis both`)"
-        )
-    scans = {axis: measure(capture, axis) for axis in ("column", "row")}
-    severe = [d.found for s in scans.values() for d in diagnose(s, capture) if d.severe]
-    if severe:
-        raise ValueError(f"{folder}: {'; '.join(severe)}")
-    plain = np.mean([s.average for s in scans.values()], axis=0)
-    maps = (s.coordinate for s in scans.values())
-    return Pose(plain, *maps, folder.name), capture.patterns.projector
 
 
 def _say(options, found) -> None:

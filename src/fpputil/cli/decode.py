@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,7 @@ def add_to(commands) -> None:
     decode = commands.add_parser(
         "decode",
         help="decode a folder of photographs",
-        description="Writes decoded.npz, 16-bit TIFF files, report.html and summary.json, with "
+        description="Writes decoded.npz, TIFF files, report.html and summary.json, with "
         "--system also points.ply and the depth. If the capture is wrong in a way that would give "
         "wrong phases (direction of the shift, swapped or missing photographs, a saturated "
         "projector ...), only report and summary are written, and the exit code is 1.",
@@ -25,10 +24,9 @@ def add_to(commands) -> None:
     decode.add_argument("--out", type=Path, metavar="OUT",
                         help="new folder (default FOLDER-decoded)")  # fmt: skip
     decode.add_argument("--system", metavar="S", help="a calibrated system, for millimetres")
-    decode.add_argument("--power", default="auto", metavar="G",
-                        help="raise the grey levels to it, to make the response linear (default "
-                        "auto: where some pitch has fewer than five steps and another one tells "
-                        "it)")  # fmt: skip
+    decode.add_argument("--gamma", default="auto", metavar="G",
+                        help="exponent of the response, which is taken back (default auto: where "
+                        "some pitch has fewer than five steps and another tells it)")  # fmt: skip
     decode.add_argument("--threshold", type=float, default=8.0,
                         help="least modulation, grey levels of 255 (default 8)")  # fmt: skip
     decode.add_argument("--noise", type=float, help="grey levels of 255 (default: estimated)")
@@ -62,40 +60,36 @@ def _patterns(decode) -> None:
 
 
 def _decode(options) -> int:
-    from tqdm.std import tqdm
-
-    from fpputil.capture.diagnosis import diagnose
-    from fpputil.capture.measurement import measure
-    from fpputil.capture.photographs import open_capture
+    from fpputil.capture.folder import decode_folder
     from fpputil.checks import positive
-    from fpputil.files import folder_whole
     from fpputil.optics.system import load_system
 
-    start = time.perf_counter()
-    power = None if options.power == "auto" else positive("power", _number(options.power))
+    gamma = None if options.gamma == "auto" else positive("gamma", _number(options.gamma))
     system = None if options.system is None else load_system(options.system)
-    capture = open_capture(options.folder, _given(options), options.full)
-    out = options.out or options.folder.with_name(f"{options.folder.absolute().name}-decoded")
-    how = {"threshold": options.threshold, "power": power, "noise": options.noise}
-    with folder_whole(out, options.force) as folder:
-        total = sum(f.steps for f in capture.patterns.fringes)
-        with tqdm(total=total, unit="photo", leave=False, disable=options.json or None) as bar:
-            scans = [measure(capture, axis, system=system, each=bar.update, **how)
-                     for axis in capture.patterns.axes]  # fmt: skip
-        found = [d for s in scans for d in diagnose(s, capture)]
-        wrong = any(d.severe for d in found) and not options.accept
-        about = _write(folder, options, capture, scans, found, None if wrong else system, wrong)
-        about["seconds"] = round(time.perf_counter() - start, 2)
-        (folder / "summary.json").write_text(json.dumps(about, indent=1) + "\n")
-    _say(options, out, about, found)
-    return 1 if wrong else 0
+    result = decode_folder(
+        options.folder,
+        options.out,
+        system,
+        patterns=_given(options),
+        full=options.full,
+        threshold=options.threshold,
+        gamma=gamma,
+        noise=options.noise,
+        accept=options.accept,
+        report=not options.no_report,
+        pictures=not options.no_pictures,
+        force=options.force,
+        progress=not options.json,
+    )
+    _say(options, result)
+    return 0 if result.summary["decoded"] else 1
 
 
 def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"power {text!r} given; a positive number or auto is needed") from None
+        raise ValueError(f"gamma {text!r} given; a positive number or auto is needed") from None
 
 
 def _given(options):
@@ -128,53 +122,20 @@ def _of_file(options):
     return found if options.shift is None else replace(found, shift=options.shift)
 
 
-def _write(folder, options, capture, scans, found, system, wrong) -> dict:
-    """Write all products of a decoding; returns what summary.json says."""
-    import numpy as np
-
-    from fpputil.capture import products
-    from fpputil.capture.report import page, report_numbers
-    from fpputil.files import write_arrays
-
-    about = {
-        "decoded": not wrong,
-        "doubts": [d._asdict() for d in found],
-        "numbers": {s.axis: report_numbers(s) for s in scans},
-    }
-    depth = None
-    if not wrong:
-        arrays = {k: v for s in scans for k, v in products.arrays(s).items()}
-        vertical = [s for s in scans if s.axis == "column"]
-        if system is not None and vertical:
-            points, depth, sigma = products.measured_points(vertical[0], system)
-            colours = capture.colours()
-            if colours is None:  # the average of the fringes stands in
-                colours = np.repeat(vertical[0].average.astype(np.uint8)[..., None], 3, axis=2)
-            about["points"] = products.save_points(folder / "points.ply", points, colours, sigma)
-            arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
-        write_arrays(folder / "decoded.npz", arrays, compress=False)
-        if not options.no_pictures:
-            about["tiff"] = products.save_pictures(folder, arrays)
-    if not options.no_report:
-        title = f"Decoding of {options.folder.absolute().name}"
-        (folder / "report.html").write_text(page(title, scans, found, depth))
-    return about
-
-
-def _say(options, out, about, found) -> None:
+def _say(options, result) -> None:
     if options.json:
-        print(json.dumps(about))
+        print(json.dumps(result.summary))
         return
-    for axis, numbers in about["numbers"].items():
-        print(f"{axis}s: {numbers['pixels in the mask']} in the mask, uncertainty "
-              f"{numbers['uncertainty of the phase, median']} (median)")  # fmt: skip
-    for doubt in found:
-        kind = "error" if doubt.severe else "note"
-        print(f"{kind}: {doubt.found}; {doubt.remedy}", file=sys.stderr)
-    if "points" in about:
-        print(f"{about['points']} points in {out / 'points.ply'}")
+    for axis, numbers in result.summary["numbers"].items():
+        share, sigma = numbers["pixels in the mask"], numbers["uncertainty of the phase, median"]
+        print(f"{axis}s: {share} in the mask, uncertainty {sigma} (median)")
+    for finding in result.findings:
+        kind = "error" if finding.severe else "note"
+        print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)
+    if result.points is not None:
+        print(f"{result.summary['points']} points in {result.out / 'points.ply'}")
     elif options.system is None:
         print("no --system given: phases, but no depth and no points")
-    if not about["decoded"]:
+    if not result.summary["decoded"]:
         print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
-    print(f"written to {out}")
+    print(f"written to {result.out}")

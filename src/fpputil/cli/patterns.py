@@ -52,8 +52,8 @@ def add_fringes(parser) -> None:
 
 def chosen(options, **names):
     """`Patterns` of the options of `add_fringes`."""
+    from fpputil.capture.measurement import unwrapper
     from fpputil.capture.patterns import Patterns
-    from fpputil.capture.unwrapper import unwrapper
     from fpputil.optics.fringes import fringe_set
 
     side = max(options.projector)
@@ -68,7 +68,7 @@ def chosen(options, **names):
     if found.unwrap != "minimum":  # whose pitches the system decides on
         for axis in axes:
             try:
-                unwrapper(found, axis, [f for f in fringes if f.axis == axis])
+                unwrapper(found, axis)
             except ValueError as error:
                 raise ValueError(f"fringes along {axis}s: {error}") from error
     return found

@@ -1,0 +1,232 @@
+"""A folder of photographs to a folder of results: what `fpp decode` does (chapter 12)."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tifffile
+from tqdm.std import tqdm
+
+from fpputil.calibration import Pose
+from fpputil.capture.diagnosis import Finding, diagnose
+from fpputil.capture.measurement import Measurement, measure
+from fpputil.capture.patterns import Patterns
+from fpputil.capture.photographs import Capture, open_capture
+from fpputil.capture.report import page, report_numbers
+from fpputil.decoding.phase import THRESHOLD
+from fpputil.decoding.triangulation import depth_of
+from fpputil.files import folder_whole, write_arrays, write_whole
+from fpputil.optics.system import System
+
+
+@dataclass(frozen=True, eq=False)
+class DecodedFolder:
+    """What became of a folder of photographs.
+
+    Parameters
+    ----------
+    out : Path
+        Where the results lie.
+    summary : dict
+        What ``summary.json`` says; under ``decoded`` whether the phases were written.
+    measurements : tuple of Measurement
+        One for each axis of the patterns.
+    findings : tuple of Finding
+        What speaks against them.
+    points : (H, W, 3) array or None
+        World coordinates, mm; NaN outside mask and measuring range. None without a system,
+        without fringes along columns, or if the phases are wrong.
+    """
+
+    out: Path
+    summary: dict
+    measurements: tuple[Measurement, ...]
+    findings: tuple[Finding, ...]
+    points: np.ndarray | None
+
+
+def decode_folder(
+    folder: str | Path,
+    out: str | Path | None = None,
+    system: System | None = None,
+    *,
+    patterns: Patterns | None = None,
+    full: float | None = None,
+    threshold: float = THRESHOLD,
+    gamma: float | None = None,
+    noise: float | None = None,
+    accept: bool = False,
+    report: bool = True,
+    pictures: bool = True,
+    force: bool = False,
+    progress: bool = False,
+) -> DecodedFolder:
+    """Decode a folder of photographs into a new folder, as `fpp decode` does. Chapter 12.
+
+    ``decoded.npz`` holds the arrays of `Measurement.arrays`, and with a system ``depth`` and
+    ``depth_sigma``, mm; a TIFF file each the same. ``points.ply`` holds the points. If a finding
+    is severe, only ``report.html`` and ``summary.json`` are written.
+
+    Parameters
+    ----------
+    folder : path
+        Photographs.
+    out : path, optional
+        New folder; by default ``FOLDER-decoded``.
+    system : System, optional
+        A calibrated one, for millimetres.
+    patterns, full
+        As of `open_capture`.
+    threshold, gamma, noise
+        As of `measure`.
+    accept : bool
+        Write phases although they are wrong.
+    report, pictures : bool
+        Write ``report.html``; write TIFF files.
+    force : bool
+        Take the place of `out`.
+    progress : bool
+        Show a bar in a terminal.
+
+    Returns
+    -------
+    DecodedFolder
+
+    Raises
+    ------
+    ValueError
+        As of `open_capture` and `measure`, if `out` is not empty, or there is no point to write.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fpputil.capture import Patterns, photograph_into
+    >>> from fpputil.optics import fringe_set, preset, raycast, shapes
+    >>> system = preset("tiny").system
+    >>> view = raycast(shapes.sphere(100, [0, 0, 660]), system)
+    >>> patterns = Patterns((912, 1140), fringe_set((912, 114, 24), 4))
+    >>> with tempfile.TemporaryDirectory() as room:
+    ...     photograph_into(f"{room}/shots", view, patterns, system)
+    ...     result = decode_folder(f"{room}/shots", f"{room}/out", system, report=False)
+    ...     sorted(path.name for path in result.out.iterdir())[-3:]
+    ['depth_sigma.tif', 'points.ply', 'summary.json']
+    >>> result.summary["decoded"], result.points.shape
+    (True, (120, 160, 3))
+    """
+    start, folder = time.perf_counter(), Path(folder)
+    capture = open_capture(folder, patterns, full)
+    name = folder.absolute().name
+    out = folder.with_name(f"{name}-decoded") if out is None else Path(out)
+    how = {"threshold": threshold, "gamma": gamma, "noise": noise, "system": system}
+    with folder_whole(out, force) as partial:
+        total = sum(f.steps for f in capture.patterns.fringes)
+        with tqdm(
+            total=total, unit="photo", leave=False, disable=None if progress else True
+        ) as bar:
+            axes = capture.patterns.axes
+            measurements = tuple(measure(capture, axis, **how, each=bar.update) for axis in axes)
+        findings = tuple(f for one in measurements for f in diagnose(one, capture))
+        decoded = accept or not any(f.severe for f in findings)
+        points = depth = None
+        summary = {
+            "decoded": decoded,
+            "findings": [f._asdict() for f in findings],
+            "numbers": {one.axis: report_numbers(one) for one in measurements},
+        }
+        if decoded:
+            arrays = {k: v for one in measurements for k, v in one.arrays().items()}
+            vertical = next((one for one in measurements if one.axis == "column"), None)
+            if system is not None and vertical is not None:
+                points = vertical.points(system)
+                depth = depth_of(points, system)
+                sigma = vertical.depth_sigma(depth, system)
+                colours = _colours(capture, vertical)
+                summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
+                arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
+            write_arrays(partial / "decoded.npz", arrays, compress=False)
+            if pictures:
+                _save_pictures(partial, arrays)
+        if report:
+            html = page(f"Decoding of {name}", measurements, findings, depth)
+            (partial / "report.html").write_text(html, encoding="utf-8")
+        summary["seconds"] = round(time.perf_counter() - start, 2)
+        (partial / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
+    return DecodedFolder(out, summary, measurements, findings, points)
+
+
+def board_pose(
+    folder: str | Path, patterns: Patterns | None = None
+) -> tuple[Pose, tuple[int, int]]:
+    """A calibration board as the photographs of one folder show it. Chapter 12.
+
+    Parameters
+    ----------
+    folder : path
+        Photographs of fringes along columns and rows on one pose of the board.
+    patterns : Patterns, optional
+        By default those of ``patterns.toml`` in the folder.
+
+    Returns
+    -------
+    Pose
+        What `fpputil.calibration.calibrate` takes, called like the folder.
+    (width, height)
+        Of the projector, pixels.
+
+    Raises
+    ------
+    ValueError
+        If the fringes do not run along both axes, or a finding is severe.
+    """
+    capture = open_capture(folder, patterns)
+    if set(capture.patterns.axes) != {"column", "row"}:
+        raise ValueError(
+            f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
+            "columns and rows (`fpp patterns --axis both`)"
+        )
+    across, down = (measure(capture, axis) for axis in ("column", "row"))
+    severe = [f.message for one in (across, down) for f in diagnose(one, capture) if f.severe]
+    if severe:
+        raise ValueError(f"{folder}: {'; '.join(severe)}")
+    plain = np.mean([across.average, down.average], axis=0)
+    pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)
+    return pose, capture.patterns.projector
+
+
+def _colours(capture: Capture, measurement: Measurement) -> np.ndarray:
+    """Colours of the points; the average of the fringes stands in for a white photograph."""
+    colours = capture.colours()
+    grey = measurement.average.astype(np.uint8)
+    return np.repeat(grey[..., None], 3, axis=2) if colours is None else colours
+
+
+def _save_pictures(folder: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Write float32 TIFF, of P pages for a stack; masks as 0 and 255, reasons as they are."""
+    for name, values in arrays.items():
+        if values.dtype.kind != "f":
+            values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
+        tifffile.imwrite(folder / f"{name}.tif", values, photometric="minisblack")
+
+
+def _save_points(path: Path, points, colours, sigma) -> int:
+    """Write the finite points as binary PLY; returns their number.
+
+    Each has its colour and the standard deviation of its depth, `sigma`, mm: a property of the
+    vertices that trimesh does not write with a point cloud.
+    """
+    keep = np.isfinite(points).all(axis=-1) & np.isfinite(sigma)
+    if not keep.any():
+        raise ValueError("no point inside the measuring range; is the system the capture's own?")
+    columns = np.column_stack([points[keep], sigma[keep]]).astype("<f4")
+    vertices = np.empty(len(columns), [("floats", "<f4", 4), ("colours", "u1", 3)])
+    vertices["floats"], vertices["colours"] = columns, colours[keep]
+    properties = [f"property float {name}" for name in ("x", "y", "z", "sigma")]
+    properties += [f"property uchar {name}" for name in ("red", "green", "blue")]
+    head = ["ply", "format binary_little_endian 1.0", "comment mm"]
+    head += [f"element vertex {len(vertices)}", *properties, "end_header", ""]
+    write_whole(path, "\n".join(head).encode() + vertices.tobytes())
+    return len(vertices)

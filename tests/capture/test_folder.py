@@ -1,0 +1,57 @@
+"""A folder of photographs decoded by one call: what is returned, and what is left on disk."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fpputil.capture.folder import board_pose, decode_folder
+from fpputil.capture.measurement import measure
+from fpputil.capture.patterns import Patterns
+from fpputil.capture.photographs import open_capture
+from fpputil.capture.virtual import photograph_into
+from fpputil.optics.fringes import fringe_set
+
+PROJECTOR = (912, 1140)
+PATTERNS = Patterns(PROJECTOR, fringe_set((912, 114, 24), 4))
+
+
+@pytest.fixture
+def shots(tmp_path, sphere_view, tiny):
+    photograph_into(tmp_path / "a <b> & c", sphere_view, PATTERNS, tiny.system, noise=1.0)
+    return tmp_path / "a <b> & c"
+
+
+def test_results_are_those_of_measure_and_lie_beside_the_folder(shots, tiny):
+    result = decode_folder(shots, system=tiny.system)
+    direct = measure(open_capture(shots))
+    assert result.out == shots.with_name("a <b> & c-decoded")
+    assert result.findings == () and result.summary["decoded"]
+    np.testing.assert_array_equal(result.measurements[0].Phi, direct.Phi)
+    np.testing.assert_array_equal(result.points, direct.points(tiny.system))
+    with np.load(result.out / "decoded.npz") as file:
+        np.testing.assert_array_equal(file["column_Phi"], direct.Phi)
+        assert np.isfinite(file["depth_sigma"]).sum() == result.summary["points"]
+    page = (result.out / "report.html").read_text()
+    assert "<h1>Decoding of a &lt;b&gt; &amp; c</h1>" in page and "<b> &" not in page
+
+
+def test_wrong_phases_are_not_written(shots, tiny):
+    turned = replace(PATTERNS, shift=-1)
+    result = decode_folder(shots, shots.with_name("out"), tiny.system, patterns=turned)
+    assert [f.code for f in result.findings] == ["direction"]
+    assert not result.summary["decoded"] and result.points is None
+    assert sorted(p.name for p in result.out.iterdir()) == ["report.html", "summary.json"]
+    page = (result.out / "report.html").read_text()
+    assert "The phases are wrong" in page and "the projector&#39;s columns grow" in page
+
+
+def test_a_board_is_seen_by_camera_and_projector(tmp_path, sphere_view, tiny):
+    fringes = (*fringe_set((1140, 114), 4), *fringe_set((1140, 114), 4, axis="row"))
+    photograph_into(tmp_path / "pose", sphere_view, Patterns(PROJECTOR, fringes), tiny.system)
+    pose, projector = board_pose(tmp_path / "pose")
+    assert projector == PROJECTOR and pose.name == "pose"
+    seen = np.isfinite(pose.column) & np.isfinite(pose.row) & sphere_view.mask
+    assert seen.sum() > 0.9 * sphere_view.mask.sum()
+    assert np.median(np.abs(pose.column - sphere_view.column)[seen]) < 0.5
+    assert np.median(np.abs(pose.row - sphere_view.row)[seen]) < 0.5
