@@ -11,8 +11,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from fpputil.checks import not_negative, positive, whole
-from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole
+from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 

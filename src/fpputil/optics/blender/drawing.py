@@ -11,8 +11,8 @@ from matplotlib.colors import to_rgba
 from fpputil.checks import positive, whole
 from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole, looking
+from fpputil.optics.shapes import check_mesh
 
 
 def picture(

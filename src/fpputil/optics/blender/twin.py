@@ -10,9 +10,9 @@ import trimesh
 from fpputil.checks import positive, whole
 from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import WHITE, Fringe
-from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.raycasting import check_reflectance, outside_view
+from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
