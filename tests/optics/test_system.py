@@ -106,6 +106,27 @@ def test_points_at_lie_on_the_plane_of_a_moved_camera(paper):
     np.testing.assert_allclose(points @ R[2] + 30, 600.0)
 
 
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_mirrored_system_sees_the_mirrored_columns(paper, moved):
+    """Wherever the camera stands, the picture is turned round, and so are the columns."""
+    system = paper.system
+    if moved:
+        R, t = Rotation.from_euler("xyz", (5, 20, -8), degrees=True).as_matrix(), (10.0, 20, 30)
+        system = replace(
+            system,
+            camera=replace(system.camera, R=R, t=t),
+            projector=replace(
+                system.projector,
+                R=system.projector.R @ R,
+                t=system.projector.R @ t + system.projector.t,
+            ),
+        )
+    mirrored, back = system.mirrored(), system.mirrored().mirrored()
+    expected = 911 - system.columns_at(600.0)[:, ::-1]
+    np.testing.assert_allclose(mirrored.columns_at(600.0), expected, atol=1e-9)
+    np.testing.assert_allclose(back.projector.P, system.projector.P, atol=1e-9)
+
+
 @pytest.mark.parametrize("suffix", ["json", "yml", "yaml"])
 @pytest.mark.parametrize("distortion", [(), LENS])
 def test_save_and_load(tmp_path, suffix, distortion):

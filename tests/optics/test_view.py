@@ -88,6 +88,18 @@ def test_plain_light(sphere_view):
     )
 
 
+def test_any_light(sphere_view):
+    """An image in the projector, no light at all, and a number for all pixels."""
+    assert (sphere_view.dark(ambient=7, gain=3) == 7).all()
+    image = np.random.default_rng(0).integers(0, 256, (1140, 912)).astype(float)
+    u, v = (np.nan_to_num(np.rint(a)).astype(int) for a in (sphere_view.column, sphere_view.row))
+    sent = image[v.clip(0, 1139), u.clip(0, 911)]
+    frame = sphere_view.photograph(sent, quantise=False)
+    np.testing.assert_allclose(frame, [sent * sphere_view.shade], atol=1e-9)
+    with pytest.raises(ValueError, match=r"light -1\.0 to -1\.0 given; a projector sends 0 to 255"):
+        sphere_view.photograph(-1)
+
+
 @pytest.mark.parametrize(
     "arguments, says",
     [
