@@ -26,6 +26,7 @@ ENDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("trial", "answer"), ENDS.values(), ids=ENDS)
 def test_every_end_of_a_trial_is_an_answer(monkeypatch, trial, answer):
     monkeypatch.setattr(probe, "_TRIAL", {"pyvista": trial, "bpy": trial})
@@ -33,6 +34,7 @@ def test_every_end_of_a_trial_is_an_answer(monkeypatch, trial, answer):
     assert probe.blender_works() is answer
 
 
+@pytest.mark.slow
 def test_what_fails_is_named_with_its_packages(monkeypatch, capsys):
     monkeypatch.setattr(probe, "_TRIAL", {"pyvista": "raise SystemExit(139)", "bpy": "pass"})
     probe.main()

@@ -19,6 +19,7 @@ def test_equation_1(pitch, steps):
         np.testing.assert_allclose(fringe.intensity(COLUMN, n), expected, atol=1e-9)
 
 
+@pytest.mark.slow
 @given(
     pitch=st.floats(1.0, 2000.0),
     steps=st.integers(3, 30),

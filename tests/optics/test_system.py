@@ -31,6 +31,7 @@ def test_projection_is_opencv_s(distortion):
     np.testing.assert_allclose(p.project(points), expected[:, 0], atol=1e-8)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=50)
 @given(u=st.floats(0, 639), v=st.floats(0, 479), s=st.floats(100, 2000), lens=st.booleans())
 def test_rays_and_projection_are_inverse(u, v, s, lens):
