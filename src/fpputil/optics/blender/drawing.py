@@ -75,7 +75,7 @@ def picture(
             lamp = shaders.projector(bpy, projector, positive("white_at", white_at, "mm"))
             shaders.throw(lamp, projector, shaders.pattern(fringe))
         light = shoot()
-    return _shown(light[..., :3] + (1 - light[..., 3:]))
+    return _srgb(light[..., :3] + (1 - light[..., 3:]))
 
 
 def sheets(projector: Pinhole, pitch: float, reach: float) -> trimesh.Trimesh:
@@ -118,7 +118,7 @@ def _stand(bpy, mesh, colour, lamp) -> None:
     thing.visible_diffuse = alpha == 1
 
 
-def _shown(linear) -> np.ndarray:
+def _srgb(linear) -> np.ndarray:
     """Linear light 0 to 1 as the uint8 of a screen (sRGB)."""
     x = np.clip(linear, 0, 1)
     x = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
