@@ -100,7 +100,7 @@ class View:
 
     def photograph(
         self,
-        light: float | Sequence[tuple[Fringe, Sequence[int]]],
+        light: float | np.ndarray | list[tuple[Fringe, Sequence[int]]],
         noise: float = 0.0,
         seed: int | None = None,
         *,
@@ -114,7 +114,7 @@ class View:
 
         Parameters
         ----------
-        light : float, (H, W) array, or sequence of (Fringe, steps)
+        light : float, (H, W) array, or list of (Fringe, steps)
             0 to 255: one grey level that the projector shows everywhere, or the light that it
             sends to each pixel (of `fine`, if there is one); or steps of fringes.
         noise : float
