@@ -42,8 +42,10 @@ def test_embree_draws_what_is_there():
     assert red.any() and (image == 255).all(-1).mean() > 0.3
 
 
-@pytest.mark.skipif(not pyvista_works(), reason="PyVista cannot render off screen here")
+@pytest.mark.slow
 def test_pyvista_and_embree_see_the_same_outline():
+    if not pyvista_works():
+        pytest.skip("PyVista cannot render off screen here")
     masks = [
         (draw(SCENE, *VIEW) != 255).any(-1) for draw in (plotting._by_pyvista, plotting._by_embree)
     ]

@@ -7,7 +7,7 @@ from numbers import Integral, Real
 import numpy as np
 
 
-def _shown(value) -> str:
+def _printed(value) -> str:
     """The value as both lines of NumPy print it."""
     return repr(value.item() if isinstance(value, np.generic) else value)
 
@@ -16,7 +16,7 @@ def positive(name: str, value, unit: str = "") -> float:
     """The value as a float; ValueError unless it is a finite number above 0."""
     if not (isinstance(value, Real) and np.isfinite(value) and value > 0):
         of = f" of {unit}" if unit else ""
-        raise ValueError(f"{name} {_shown(value)} given; a positive number{of} is needed")
+        raise ValueError(f"{name} {_printed(value)} given; a positive number{of} is needed")
     return float(value)
 
 
@@ -24,7 +24,7 @@ def not_negative(name: str, value, unit: str = "") -> float:
     """The value as a float; ValueError unless it is a finite number of 0 or more."""
     if not (isinstance(value, Real) and np.isfinite(value) and value >= 0):
         of = f" of {unit}" if unit else ""
-        raise ValueError(f"{name} {_shown(value)} given; a number{of}, 0 or more, is needed")
+        raise ValueError(f"{name} {_printed(value)} given; a number{of}, 0 or more, is needed")
     return float(value)
 
 
@@ -32,7 +32,7 @@ def whole(name: str, value, least: int) -> int:
     """The value as an int; ValueError unless it is a whole number of `least` or more."""
     if not (isinstance(value, Integral) and not isinstance(value, bool) and value >= least):
         raise ValueError(
-            f"{name} {_shown(value)} given; a whole number of {least} or more is needed"
+            f"{name} {_printed(value)} given; a whole number of {least} or more is needed"
         )
     return int(value)
 

@@ -54,6 +54,13 @@ def panels(columns: int, rows: int = 1, width: float = 8.0, aspect: float = 0.75
     -------
     fig, axes
         matplotlib Figure and a flat array of its Axes.
+
+    Examples
+    --------
+    >>> fig, axes = panels(columns=3)
+    >>> axes.shape
+    (3,)
+    >>> plt.close(fig)
     """
     height = rows * (width / columns * aspect * 0.82 + 0.35)
     fig, axes = plt.subplots(rows, columns, figsize=(width, height), squeeze=False)
@@ -108,9 +115,9 @@ def ticks(ax: Axes, values: Sequence[float]) -> None:
 
 
 def _map(ax, values, title, cmap, low, high, unit):
-    shown = ax.imshow(np.asarray(values, np.float64), cmap=cmap, vmin=low, vmax=high)
+    image = ax.imshow(np.asarray(values, np.float64), cmap=cmap, vmin=low, vmax=high)
     _bare(ax, title)
-    return ax.figure.colorbar(shown, ax=ax, label=unit, fraction=0.046, pad=0.03)
+    return ax.figure.colorbar(image, ax=ax, label=unit, fraction=0.046, pad=0.03)
 
 
 def _bare(ax, title):
@@ -132,12 +139,8 @@ def bodies(
     ----------
     meshes : sequence of (trimesh.Trimesh, colour)
         World coordinates, mm; matplotlib's names of colours.
-    look_from, look_at : (3,) arrays
-        Eye and target, mm. Up in the picture is the world's -y.
-    size : (width, height)
-        Pixels.
-    angle : float
-        Vertical field of view, degrees.
+    look_from, look_at, size, angle
+        As for `fpputil.optics.pinhole.looking`.
 
     Returns
     -------
@@ -158,7 +161,14 @@ def wires(segments, radius: float = 1.2) -> trimesh.Trimesh:
 
 
 def frustum(pinhole: Pinhole, reach: float, radius: float = 1.2) -> trimesh.Trimesh:
-    """The edges of what a pinhole sees or lights up to `reach` mm, as rods."""
+    """The edges of what a pinhole sees or lights up to `reach` mm, as rods.
+
+    Examples
+    --------
+    >>> from fpputil.optics import preset
+    >>> int(frustum(preset("paper").system.camera, reach=300).bounds[1, 2].round(-1))
+    300
+    """
     w, h = pinhole.width - 0.5, pinhole.height - 0.5
     corners = np.array([(-0.5, -0.5), (w, -0.5), (w, h), (-0.5, h)])
     ends = pinhole.centre + reach * pinhole.rays(corners)

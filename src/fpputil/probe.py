@@ -1,22 +1,19 @@
 """What this machine can do: 3D pictures through PyVista, photographs through Blender.
 
 VTK ends the process (no exception) where EGL is missing, so both are tried in a process
-of their own. ``python -m fpputil.probe`` tries both, says what is missing, and remembers
-what works beside the environment, so that notebooks need not try again.
+of their own, once in each that asks: about 1.5 s for PyVista, 0.7 s for Blender.
+``python -m fpputil.probe`` tries both and says what is missing.
 """
+
+from __future__ import annotations
 
 import functools
 import importlib.util
-import json
 import os
 import subprocess
 import sys
-from pathlib import Path
-
-from fpputil.files import write_whole
 
 _EGL = "vtkEGLRenderWindow"
-_MEMORY = Path(sys.prefix) / ".fpputil-probe.json"
 PACKAGES = {
     "pyvista": "libegl1 libegl-mesa0 libgl1-mesa-dri",
     "bpy": "libgl1 libsm6 libice6 libx11-6 libxext6 libxfixes3 libxi6 libxrender1 libxkbcommon0",
@@ -38,7 +35,7 @@ def pyvista_works() -> bool:
 
     Where it can and no display is open, VTK is told to render through EGL.
     """
-    works = os.environ.get("FPP_PYVISTA") != "0" and _known_or_tried("pyvista")
+    works = os.environ.get("FPP_PYVISTA") != "0" and _tried("pyvista")
     if works:
         os.environ.update(_environment("pyvista"))
     return works
@@ -47,22 +44,7 @@ def pyvista_works() -> bool:
 @functools.lru_cache
 def blender_works() -> bool:
     """Whether ``import bpy`` succeeds here. ``FPP_BLENDER=0`` says no without a trial."""
-    return os.environ.get("FPP_BLENDER") != "0" and _known_or_tried("bpy")
-
-
-def _known_or_tried(name: str) -> bool:
-    # Only success is remembered: whoever installs a missing library is believed at once.
-    if importlib.util.find_spec(name) is None:
-        return False
-    return name in _remembered() or _try(name)
-
-
-def _remembered() -> list[str]:
-    try:
-        names = json.loads(_MEMORY.read_text())
-    except (OSError, ValueError):
-        return []
-    return names if isinstance(names, list) else []
+    return os.environ.get("FPP_BLENDER") != "0" and _tried("bpy")
 
 
 def _environment(name: str) -> dict[str, str]:
@@ -71,8 +53,10 @@ def _environment(name: str) -> dict[str, str]:
     return {}
 
 
-def _try(name: str) -> bool:
+def _tried(name: str) -> bool:
     """Run the trial in another process; a crash there is an answer, not an accident."""
+    if importlib.util.find_spec(name) is None:
+        return False
     try:
         trial = subprocess.run(
             [sys.executable, "-c", _TRIAL[name]],
@@ -86,21 +70,15 @@ def _try(name: str) -> bool:
 
 
 def main() -> None:
-    """Try both anew, remember what works, and print one line for each."""
-    works = []
+    """Try both and print one line for each, and what would have to be installed."""
     for name, title in {"pyvista": "PyVista", "bpy": "Blender"}.items():
-        if importlib.util.find_spec(name) is None:
-            print(f"{title}: not installed; {_FALLBACK[name]}.")
-        elif _try(name):
-            works.append(name)
+        if _tried(name):
             print(f"{title}: works.")
+        elif importlib.util.find_spec(name) is None:
+            print(f"{title}: not installed; {_FALLBACK[name]}.")
         else:
             print(f"{title}: does not run here; {_FALLBACK[name]}.")
             print(f"  On Debian: apt install {PACKAGES[name]}")
-    try:
-        write_whole(_MEMORY, json.dumps(works).encode())
-    except OSError:
-        pass  # an environment one may not write to: each process tries for itself
 
 
 if __name__ == "__main__":

@@ -225,7 +225,6 @@ NAN = np.where(np.arange(18).reshape(2, 3, 3) == 4, np.nan, TRIANGLES)
         (lambda p: stl(p / "m.stl", 0, TRIANGLES[:0]), "m.stl has no faces"),
         (lambda p: stl(p / "m.stl", 2, NAN), "m.stl has 1 NaN or infinite vertices of 6"),
         (lambda p: stl(p / "m.stl", 2, TRIANGLES * 0 + 7), "all its vertices in one point"),
-        (lambda p: stl(p / "m.stl", 1_000_001), "has 1,000,001 faces; at most 1,000,000 fit"),
     ],
 )
 def test_unfit_stl(tmp_path, make, given):
@@ -248,9 +247,6 @@ def test_truncated_file(tmp_path, suffix, kept):
     [
         ("m.obj", "v 0 0 0\nv 1 0 0\n", "m.obj has no faces"),
         ("m.obj", "", "m.obj"),
-        ("m.ply", "ply\nelement vertex 9\nelement face 2000000\n", "has 2,000,000 faces"),
-        ("m.ply", "ply\nelement vertex 2000000\nelement face 1\n", "has 2,000,000 vertices"),
-        ("m.off", "OFF 3 10000000 0\n", "has 10,000,000 faces"),
     ],
 )
 def test_unfit_text(tmp_path, name, text, given):
@@ -263,7 +259,6 @@ def test_unfit_text(tmp_path, name, text, given):
     "name, faces, given",
     [
         ("huge.stl", 10_000_000, "huge.stl has 500 MB; at most 150 MB fit"),
-        ("huge.stl", 2_900_000, "huge.stl has 2,900,000 faces; at most 1,000,000 fit"),
         ("huge.obj", 10_000_000, "huge.obj has 500 MB; at most 150 MB fit"),
     ],
 )

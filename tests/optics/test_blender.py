@@ -21,9 +21,17 @@ from fpputil.optics.fringes import Fringe
 from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.system import preset
 
-needs_blender = pytest.mark.skipif(
-    not probe.blender_works(), reason="Blender does not run here; see python -m fpputil.probe"
-)
+
+@pytest.fixture(scope="module")
+def blender_runs():
+    if not probe.blender_works():
+        pytest.skip("Blender does not run here; see python -m fpputil.probe")
+
+
+def needs_blender(test):
+    return pytest.mark.slow(pytest.mark.usefixtures("blender_runs")(test))
+
+
 PHOTOGRAPHS = Path(__file__).parents[2] / "data" / "photographs"
 
 
@@ -254,6 +262,7 @@ def test_calls_do_not_depend_on_each_other(tiny, tmp_path, monkeypatch, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_importing_needs_no_blender():
     code = "import sys, fpputil.optics.blender; assert 'bpy' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -283,44 +292,6 @@ def test_without_blender_one_sentence_says_what_to_do(tiny, monkeypatch, setting
 
 
 LENS = (-0.1, 0.03, 1e-3, -5e-4, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"mesh": trimesh.Trimesh()}, "mesh has no faces"),
-        ({"lens of camera": LENS}, "the ray caster has both"),
-        ({"lens of projector": LENS}, "Blender's light goes straight"),
-        ({"fringes": Fringe(24, defocus=0.5)}, "defocus 0.5 given; .* the ray caster's blurs"),
-        ({"fringes": ()}, "no fringe given"),
-        ({"samples": 0}, "samples 0 given"),
-        ({"white_at": 0}, "white_at 0 given"),
-        ({"albedo": -0.1}, "NaN, infinite or negative"),
-        ({"albedo": np.ones(5)}, r"albedo of shape \(5,\) given"),
-        ({"albedo": lambda p: 0.5}, "the ray caster takes functions"),
-    ],
-)
-def test_what_blender_cannot_do(tiny, change, says):
-    given = {"mesh": shapes.plane(660.0), "system": tiny.system, "fringes": Fringe(24), **change}
-    for name in ("camera", "projector"):
-        if lens := given.pop(f"lens of {name}", None):
-            pinhole = replace(getattr(tiny.system, name), distortion=lens)
-            given["system"] = replace(tiny.system, **{name: pinhole})
-    with pytest.raises(ValueError, match=says):
-        blender.photograph(**given)
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "says"),
-    [
-        ("camera", {"K": [[266, 1, 80], [0, 266, 60], [0, 0, 1]]}, "skew 1 given"),
-        ("camera", {"width": 3}, "at least 4 x 4"),
-    ],
-)
-def test_cameras_that_blender_cannot_be(tiny, name, change, says):
-    system = replace(tiny.system, camera=replace(tiny.system.camera, **change))
-    with pytest.raises(ValueError, match=says):
-        blender.see(shapes.plane(660.0), system)
 
 
 @needs_blender
@@ -359,18 +330,6 @@ def test_picture_shows_bodies_light_and_shadow(tiny):
     assert abs(veiled[left].mean() - lit[left].mean()) < 5
 
 
-@pytest.mark.parametrize(
-    ("bodies", "light", "says"),
-    [
-        ([], {}, "no body given"),
-        ([(shapes.plane(600), "red")], {"fringe": Fringe(24)}, "one of projector and fringe"),
-    ],
-)
-def test_bad_pictures(bodies, light, says):
-    with pytest.raises(ValueError, match=says):
-        blender.picture(bodies, (0, 0, 0), (0, 0, 1), **light)
-
-
 def test_sheets_of_light_lie_on_the_bright_columns(tiny):
     projector = tiny.system.projector
     mesh = blender.sheets(projector, 114, 600.0)
@@ -383,25 +342,19 @@ def test_sheets_of_light_lie_on_the_bright_columns(tiny):
     np.testing.assert_allclose(depth_of, 600)
 
 
-IMAGES = {
-    "grey.png": (4, 5),
-    "colour.png": (4, 5, 3),
-    "frames.npz": (7, 4, 5),
-}
-
-
-@pytest.mark.parametrize(("name", "shape"), IMAGES.items(), ids=IMAGES)
-def test_stored_photographs_are_those_made(tmp_path, monkeypatch, name, shape):
+@pytest.mark.parametrize("shape", [(4, 5), (4, 5, 3), (7, 4, 5)])
+def test_stored_photographs_are_those_made(tmp_path, monkeypatch, shape):
     image = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
-    path = tmp_path / name
+    path = tmp_path / "frames.npz"
     monkeypatch.setattr(probe, "blender_works", lambda: True)
     np.testing.assert_array_equal(blender.stored(path, lambda: image), image)
     np.testing.assert_array_equal(blender.stored(path, lambda: 255 - image), 255 - image)
     monkeypatch.setattr(probe, "blender_works", lambda: False)
     np.testing.assert_array_equal(blender.stored(path, lambda: 1 / 0), image)
-    assert [p.name for p in tmp_path.iterdir()] == [name]
+    assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_the_stored_frames_are_those_of_either_twin(tiny, paper_fringes, monkeypatch):
     """The photographs that readers without Blender see."""
     monkeypatch.setattr(probe, "blender_works", lambda: False)
@@ -418,14 +371,8 @@ def test_the_stored_frames_are_those_of_either_twin(tiny, paper_fringes, monkeyp
 
 def test_bad_stores(tmp_path, monkeypatch):
     monkeypatch.setattr(probe, "blender_works", lambda: False)
-    with pytest.raises(ValueError, match=r"ends in .png or .npz"):
-        blender.stored(tmp_path / "x.jpg", lambda: None)
     with pytest.raises(FileNotFoundError, match="no such stored photograph, and Blender does not"):
-        blender.stored(tmp_path / "x.png", lambda: None)
-    for name in ("x.png", "x.npz"):
-        (tmp_path / name).write_bytes(b"not a picture")
-        with pytest.raises(ValueError, match="holds no"):
-            blender.stored(tmp_path / name, lambda: None)
-    monkeypatch.setattr(probe, "blender_works", lambda: True)
-    with pytest.raises(ValueError, match="a .png holds uint8"):
-        blender.stored(tmp_path / "y.png", lambda: np.zeros((3, 4)))
+        blender.stored(tmp_path / "x.npz", lambda: None)
+    (tmp_path / "x.npz").write_bytes(b"not a picture")
+    with pytest.raises(ValueError, match="holds no"):
+        blender.stored(tmp_path / "x.npz", lambda: None)

@@ -88,32 +88,11 @@ def test_plain_light(sphere_view):
     )
 
 
-@pytest.mark.parametrize(
-    "arguments, says",
-    [
-        ({"noise": -1.0, "seed": 0}, "noise -1.0 given"),
-        ({"noise": 1.0}, "without a seed"),
-        ({"noise": 1.0, "seed": -1}, "seed -1 given"),
-        ({"noise": 1.0, "seed": 1.5}, "seed 1.5 given"),
-        ({"gain": np.inf}, "gain inf"),
-        ({"gain": 0}, "gain 0"),
-        ({"gamma": -1}, "gamma -1"),
-        ({"ambient": -1}, "ambient -1"),
-        ({"saturation": 0}, "saturation 0"),
-    ],
-)
-def test_bad_cameras(arguments, says):
-    with pytest.raises(ValueError, match=says):
-        flat().frames(Fringe(15), **arguments)
-
-
-def test_bad_views():
-    with pytest.raises(ValueError, match="empty mask"):
-        flat(lit=False)
-    image = np.ones((4, 4), np.float32)
-    with pytest.raises(ValueError, match="needs one"):
-        View(image, image, image, np.ones((4, 5)), image > 0)
-    with pytest.raises(ValueError, match="NaN or infinite values inside the mask"):
-        View(np.full((4, 4), np.nan), image, image, image, image > 0)
-    with pytest.raises(ValueError, match="no fringe"):
-        flat().frames(())
+def test_any_light(sphere_view):
+    """An image in the projector, no light at all, and a number for all pixels."""
+    assert (sphere_view.dark(ambient=7, gain=3) == 7).all()
+    image = np.random.default_rng(0).integers(0, 256, (1140, 912)).astype(float)
+    u, v = (np.nan_to_num(np.rint(a)).astype(int) for a in (sphere_view.column, sphere_view.row))
+    sent = image[v.clip(0, 1139), u.clip(0, 911)]
+    frame = sphere_view.photograph(sent, quantise=False)
+    np.testing.assert_allclose(frame, [sent * sphere_view.shade], atol=1e-9)

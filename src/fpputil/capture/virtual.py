@@ -16,7 +16,6 @@ from fpputil.optics.system import System
 from fpputil.optics.view import View
 
 LEVELS = 256  # of the pictures that `Patterns` gives to the projector
-DARK = 1e-9  # exposure that leaves nothing of the projector's light
 
 
 def photograph(
@@ -56,8 +55,7 @@ def photograph(
     seeds = seeded(whole("seed", seed, 0)).integers(2**31, size=len(shots))
     for shot, own in zip(shots, seeds.tolist(), strict=True):
         if shot.fringe < 0:
-            light = camera | ({"gain": DARK} if shot.step else {})
-            yield shot, view.plain(**light, seed=own)
+            yield shot, (view.dark if shot.step else view.plain)(**camera, seed=own)
             continue
         fringe = replace(patterns.fringes[shot.fringe], gamma=response, levels=LEVELS)
         step = shot.step * patterns.shift % fringe.steps

@@ -92,8 +92,8 @@ def _bodies(options, system):
     import numpy as np
 
     from fpputil.optics import shapes
-    from fpputil.optics.meshes import load_mesh
     from fpputil.optics.parts import part
+    from fpputil.optics.shapes import load_mesh
 
     centre = np.array([0, 0, options.distance]) - system.camera.t
     turn = shapes.rotation(*options.turn)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from fpputil.checks import whole
-from fpputil.optics.meshes import formats
+from fpputil.optics.shapes import formats
 
 
 def mesh_files(root: Path) -> tuple[list[str], list[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fpputil.optics.meshes import formats
+from fpputil.optics.shapes import formats
 
 _LAYOUTS = (
     "thingi10k_npz_extracted/npz",

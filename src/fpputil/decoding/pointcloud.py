@@ -11,7 +11,7 @@ import trimesh
 from scipy.optimize import least_squares
 
 from fpputil.files import write_whole
-from fpputil.optics.meshes import check_mesh
+from fpputil.optics.shapes import check_mesh
 
 
 def point_cloud(points: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:

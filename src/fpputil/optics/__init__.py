@@ -19,6 +19,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         ],
         "raycasting": ["bvh", "raycast"],
         "view": ["View"],
-        "meshes": ["genus", "load_mesh"],
+        "shapes": ["genus", "load_mesh"],
     },
 )

@@ -40,10 +40,10 @@ class Fringe:
         Standard deviation of the Gaussian blur in projector pixels; it acts on the pixel grid.
         The pattern is taken to go on beyond the projector's border.
 
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range; the message restates it.
+    Examples
+    --------
+    >>> Fringe(pitch=15, steps=4).shifts.round(2).tolist()
+    [0.0, 1.57, 3.14, 4.71]
     """
 
     pitch: float
@@ -91,11 +91,27 @@ class Fringe:
             Projector column (or row) in pixels, centres at integers.
         n : int
             Index of the step, 0 to ``steps`` - 1.
+
+        Examples
+        --------
+        >>> Fringe(24, steps=4).intensity([0, 6, 12], n=0).round(6).tolist()
+        [255.0, 127.5, 0.0]
         """
         i = np.asarray(coordinate, np.float64)
-        if self.defocus > 0:
-            return self._blurred(i, n)
-        return self._shown(np.floor(i + 0.5) if self.grid else i, n)
+        if self.defocus == 0:
+            return self.light(np.floor(i + 0.5) if self.grid else i, n)
+        centre = np.floor(i + 0.5)
+        reach = int(np.ceil(5 * self.defocus)) + 1
+        total = np.zeros_like(i)
+        for k in range(-reach, reach + 1):  # the share of each pixel's light that falls on i
+            left = (centre + k - 0.5 - i) / self.defocus
+            total += (ndtr(left + 1 / self.defocus) - ndtr(left)) * self.light(centre + k, n)
+        return total
+
+    def light(self, coordinate: np.ndarray, n: int) -> np.ndarray:
+        """Light of pattern n as `intensity`, but before the lens: no pixel grid, no defocus."""
+        value = self._buffer(coordinate, n)
+        return value if self.gamma == 1 else WHITE * (value / WHITE) ** self.gamma
 
     def images(self, width: int, height: int) -> np.ndarray:
         """The patterns as the projector's frame buffer holds them.
@@ -105,6 +121,11 @@ class Fringe:
         (N, H, W) array
             uint8 for 256 levels, float64 otherwise. Gamma and defocus belong to the optics,
             so they do not show here.
+
+        Examples
+        --------
+        >>> Fringe(24, steps=4, levels=256).images(912, 1140).shape
+        (4, 1140, 912)
         """
         line = np.arange(width if self.axis == "column" else height)
         rows = np.stack([self._buffer(line, n) for n in range(self.steps)])
@@ -118,20 +139,6 @@ class Fringe:
             return value
         top = self.levels - 1
         return np.rint(value / WHITE * top) * (WHITE / top)
-
-    def _shown(self, i, n):
-        value = self._buffer(i, n)
-        return value if self.gamma == 1 else WHITE * (value / WHITE) ** self.gamma
-
-    def _blurred(self, i, n):
-        centre = np.floor(i + 0.5)
-        reach = int(np.ceil(5 * self.defocus)) + 1
-        total = np.zeros_like(i)
-        for k in range(-reach, reach + 1):
-            left = (centre + k - 0.5 - i) / self.defocus
-            weight = ndtr(left + 1 / self.defocus) - ndtr(left)
-            total += weight * self._shown(centre + k, n)
-        return total
 
 
 def fringe_set(pitches: Iterable[float], steps: int | Iterable[int] = 15, **options):

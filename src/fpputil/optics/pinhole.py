@@ -30,10 +30,13 @@ class Pinhole:
     distortion : (k,) array
         OpenCV's coefficients (k1, k2, p1, p2, k3 ...); empty for an ideal lens.
 
-    Raises
-    ------
-    ValueError
-        If the camera matrix is degenerate, R is no rotation, or a shape is wrong.
+    Examples
+    --------
+    >>> camera = Pinhole(640, 480, camera_matrix(1000, 640, 480))
+    >>> camera.project([0, 0, 500]).tolist()
+    [319.5, 239.5]
+    >>> (500 * camera.rays([419.5, 239.5])).tolist()
+    [50.0, 0.0, 500.0]
     """
 
     width: int
@@ -82,8 +85,8 @@ class Pinhole:
             xy = local[..., :2] / local[..., 2:]
         xy = np.where(local[..., 2:] > 0, xy, np.nan)
         if self.distortion.any():
-            bent = self._bend(xy)
-            xy = np.where(_apart(self._unbend(bent), xy), np.nan, bent)
+            distorted = self._distort(xy)
+            xy = np.where(_apart(self._undistort(distorted), xy), np.nan, distorted)
         return xy @ self.K[:2, :2].T + self.K[:2, 2]
 
     def rays(self, pixels: np.ndarray | None = None) -> np.ndarray:
@@ -103,41 +106,43 @@ class Pinhole:
         pixels = self.grid() if pixels is None else np.asarray(pixels, np.float64)
         xy = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
         if self.distortion.any():
-            straight = self._unbend(xy)
-            xy = np.where(_apart(self._bend(straight), xy), np.nan, straight)
+            ideal = self._undistort(xy)
+            xy = np.where(_apart(self._distort(ideal), xy), np.nan, ideal)
         return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) @ self.R
 
-    def _bend(self, xy):
+    def _distort(self, xy):
         """Distort normalised coordinates (..., 2); NaN stays NaN."""
-        out = np.full(xy.shape, np.nan)
-        known = np.isfinite(xy).all(axis=-1)
-        if known.any():
-            flat = np.column_stack([xy[known], np.ones(known.sum())])
-            zero = np.zeros(3)
-            out[known] = cv2.projectPoints(flat, zero, zero, np.eye(3), self.distortion)[0][:, 0]
-        return out
+        zero, eye = np.zeros(3), np.eye(3)
+        return _where_known(
+            xy,
+            lambda flat: cv2.projectPoints(
+                np.column_stack([flat, np.ones(len(flat))]), zero, zero, eye, self.distortion
+            )[0],
+        )
 
-    def _unbend(self, xy):
+    def _undistort(self, xy):
         """Undistort normalised coordinates (..., 2); NaN stays NaN."""
-        out = np.full(xy.shape, np.nan)
-        known = np.isfinite(xy).all(axis=-1)
-        if known.any():
-            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
-            flat, eye = np.ascontiguousarray(xy[known][:, None]), np.eye(3)
-            lens = cv2.undistortPointsIter(flat, eye, self.distortion, None, None, criteria)
-            out[known] = lens[:, 0]
-        return out
+        stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+        lens = (np.eye(3), self.distortion, None, None, stop)
+        return _where_known(xy, lambda flat: cv2.undistortPointsIter(flat[:, None], *lens))
 
     def grid(self) -> np.ndarray:
         """Pixel centres u, v, shape (H, W, 2)."""
-        return np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), -1).astype(
-            np.float64
-        )
+        return np.stack(np.meshgrid(np.arange(float(self.width)), np.arange(self.height)), -1)
 
     def inside(self, pixels: np.ndarray) -> np.ndarray:
         """True where pixels (..., 2) lie on the sensor, from -0.5 to size - 0.5."""
         u, v = pixels[..., 0], pixels[..., 1]
         return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+
+
+def _where_known(xy, lens):
+    """``lens`` of those coordinates (..., 2) that are finite; the others stay NaN."""
+    out = np.full(xy.shape, np.nan)
+    known = np.isfinite(xy).all(axis=-1)
+    if known.any():
+        out[known] = lens(np.ascontiguousarray(xy[known]))[:, 0]
+    return out
 
 
 def _apart(a, b):
@@ -163,14 +168,11 @@ def looking(look_from, look_at, size: tuple[int, int], angle: float) -> Pinhole:
     angle : float
         Vertical field of view, degrees.
 
-    Returns
-    -------
-    Pinhole
-
-    Raises
-    ------
-    ValueError
-        If the eye is on the target, looks straight up or down, or sees nothing.
+    Examples
+    --------
+    >>> eye = looking((100, 0, 0), (100, 0, 500), (320, 240), angle=30)
+    >>> eye.project([100, 0, 500]).tolist()
+    [159.5, 119.5]
     """
     look_from, look_at = np.asarray(look_from, np.float64), np.asarray(look_at, np.float64)
     if not 0 < angle < 180:

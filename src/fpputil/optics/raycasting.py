@@ -11,8 +11,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from fpputil.checks import not_negative, positive, whole
-from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole
+from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -42,11 +42,6 @@ def bvh(mesh: trimesh.Trimesh) -> Tree:
     """Embree's tree over the faces of a mesh, a bounding volume hierarchy.
 
     Embree works in float32: keep the world's origin near the rig.
-
-    Raises
-    ------
-    ValueError
-        If the mesh has no faces or has vertices that are not finite.
     """
     check_mesh(mesh, "mesh")
     vertices, faces = np.array(mesh.vertices, np.float64), np.array(mesh.faces)
@@ -93,12 +88,18 @@ def raycast(
     Raises
     ------
     ValueError
-        If the mesh is empty or not finite, lies outside the view, or no pixel of it is lit;
-        if the albedo has a wrong shape or is not finite, or another option is out of range.
+        If the mesh lies outside the view, or no pixel of it is lit.
 
     Notes
     -----
     The measuring range of the system is not asked: what lies outside it is seen all the same.
+
+    Examples
+    --------
+    >>> from fpputil.optics import preset, shapes
+    >>> view = raycast(shapes.plane(660), preset("tiny").system)
+    >>> view.depth.shape, round(float(view.depth[60, 80]), 3)
+    ((120, 160), 660.0)
     """
     whole("supersample", supersample, 1)
     not_negative("specular", specular)

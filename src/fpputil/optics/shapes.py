@@ -3,22 +3,25 @@
 Lengths in mm, vertices (V, 3); the camera is the world: x right, y down, z forward (Chapter 2).
 """
 
+from __future__ import annotations
+
+import os
+import re
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
+from trimesh.exchange.load import mesh_formats
 
 from fpputil import checks
 from fpputil.checks import positive, seeded, whole
-from fpputil.optics.meshes import check_mesh, genus, load_mesh
-from fpputil.optics.parts import FAMILIES, part
+from fpputil.optics.parts import FAMILIES as FAMILIES
+from fpputil.optics.parts import part as part
 from fpputil.optics.parts.stock import outline, to_mesh
-
-__all__ = ["CENTRE", "FAMILIES", "SIZE", "genus", "load_mesh", "part", "place", "plane", "rotation",
-           "rotations", "sphere", "step_block", "texture", "views"]  # fmt: skip
 
 SIZE = 240.0
 """Diameter in mm of the ball that a placed mesh fills. At `CENTRE` every pose of it is inside the
@@ -31,7 +34,7 @@ CENTRE = (0.0, 0.0, 650.0)
 def sphere(
     radius: float = 100.0, centre: ArrayLike = (0.0, 0.0, 680.0), subdivisions: int = 6
 ) -> trimesh.Trimesh:
-    """Sphere with its vertices on the surface, facets inside it.
+    """Sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
 
     Parameters
     ----------
@@ -49,24 +52,20 @@ def sphere(
     trimesh.Trimesh
         Closed, normals outwards.
 
-    Raises
-    ------
-    ValueError
-        If the radius is not positive.
-
-    Notes
-    -----
-    Chapters 2 and 6; the paper measures a sphere of radius 100 mm.
+    Examples
+    --------
+    >>> ball = sphere(100, (0, 0, 680), subdivisions=3)
+    >>> ball.faces.shape, round(ball.bounds[0, 2])
+    ((1280, 3), 580)
     """
-    mesh = trimesh.creation.icosphere(
-        whole("subdivisions", subdivisions, 0), positive("radius", radius, "mm")
-    )
+    subdivisions, radius = whole("subdivisions", subdivisions, 0), positive("radius", radius, "mm")
+    mesh = trimesh.creation.icosphere(subdivisions, radius)
     mesh.apply_translation(_point("centre", centre))
     return mesh
 
 
 def plane(z: float, half_width: float = 300.0, half_height: float | None = None) -> trimesh.Trimesh:
-    """Plane at depth ``z``, facing the camera: two triangles of normal (0, 0, -1).
+    """Plane at depth ``z``, facing the camera: two triangles of normal (0, 0, -1). Chapter 2.
 
     Parameters
     ----------
@@ -76,14 +75,10 @@ def plane(z: float, half_width: float = 300.0, half_height: float | None = None)
         Extent on either side of the optical axis in mm; the height is 3/4 of the width unless
         given. The defaults fill the presets' view up to z = 1000 mm.
 
-    Raises
-    ------
-    ValueError
-        If z or an extent is not positive.
-
-    Notes
-    -----
-    Chapters 2 and 6.
+    Examples
+    --------
+    >>> plane(660).extents.tolist()
+    [600.0, 450.0, 0.0]
     """
     w = positive("half_width", half_width, "mm")
     h = positive("half_height", 0.75 * w if half_height is None else half_height, "mm")
@@ -99,7 +94,7 @@ def step_block(
     length: float = 120.0,
     z: float = 700.0,
 ) -> trimesh.Trimesh:
-    """Stairs facing the camera, from left to right.
+    """Stairs facing the camera, from left to right. Chapter 6.
 
     Parameters
     ----------
@@ -115,14 +110,10 @@ def step_block(
     trimesh.Trimesh
         Closed, normals outwards, centred on the optical axis in x and y.
 
-    Raises
-    ------
-    ValueError
-        If there is no step, or a height, ``width`` or ``length`` is not positive.
-
-    Notes
-    -----
-    Chapter 6.
+    Examples
+    --------
+    >>> step_block((10, 30), width=40, length=120).extents.round(6).tolist()
+    [80.0, 120.0, 30.0]
     """
     heights = np.array([positive("heights", h, "mm") for h in np.ravel(heights)])
     if len(heights) == 0:
@@ -136,7 +127,7 @@ def step_block(
 
 
 def rotation(about_y: float, about_z: float) -> np.ndarray:
-    """Turn about the paper's y axis, then its z axis, as a (3, 3) matrix in camera axes.
+    """Turn about the paper's y axis, then its z axis, as a (3, 3) matrix in camera axes. Chapter 2.
 
     The paper's axes are Blender's, as in its Table 2: the y axis is the camera's x (the object
     tips over), the z axis points up, the camera's -y (the object turns as on a table).
@@ -146,20 +137,16 @@ def rotation(about_y: float, about_z: float) -> np.ndarray:
     about_y, about_z : float
         Angles in degrees.
 
-    Notes
-    -----
-    Chapter 2.
+    Examples
+    --------
+    >>> (rotation(90, 0) @ (0, 1, 0)).round(6).tolist()
+    [0.0, 0.0, 1.0]
     """
     return Rotation.from_euler("xy", [about_y, -about_z], degrees=True).as_matrix()
 
 
 def rotations() -> np.ndarray:
-    """The paper's 36 poses, (36, 3, 3): six steps of 60 degrees about y and about z each.
-
-    Notes
-    -----
-    Chapter 2.
-    """
+    """The paper's 36 poses, (36, 3, 3): six steps of 60 degrees about y and about z each."""
     steps = np.arange(0.0, 360.0, 60.0)
     return np.stack([rotation(y, z) for y in steps for z in steps])
 
@@ -170,7 +157,7 @@ def place(
     centre: ArrayLike = CENTRE,
     rotation: ArrayLike | None = None,
 ) -> trimesh.Trimesh:
-    """Copy of a mesh, scaled, turned and moved in front of the camera.
+    """Copy of a mesh, scaled, turned and moved in front of the camera. Chapter 2.
 
     All three act on the ball around the mesh: the smallest one that has its centre in the
     middle of the bounding box. It does not change with the pose, and neither does the scale.
@@ -186,15 +173,11 @@ def place(
     rotation : (3, 3) array_like, optional
         Rotation matrix, as from `rotation` or out of `rotations`; None keeps the pose.
 
-    Raises
-    ------
-    ValueError
-        If the mesh has no faces or vertices that are not finite, ``size`` is not positive, or
-        ``rotation`` is not a rotation.
-
-    Notes
-    -----
-    Chapter 2.
+    Examples
+    --------
+    >>> ball = place(sphere(subdivisions=2), size=50, rotation=rotation(60, 120))
+    >>> ball.bounds.mean(axis=0).round().tolist(), round(ball.extents.max())
+    ([0.0, 0.0, 650.0], 50)
     """
     check_mesh(mesh, "mesh")
     turn = np.eye(3) if rotation is None else checks.rotation("rotation", rotation)
@@ -214,7 +197,7 @@ def views(
 
 
 def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Smooth albedo all through space, like veins in marble, drawn from a seed.
+    """Smooth albedo all through space, like veins in marble, drawn from a seed. Chapter 2.
 
     Returns
     -------
@@ -222,9 +205,11 @@ def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
         Takes points (P, 3) in mm, gives their albedo (P,), within 0.3 to 0.95. It can be
         pickled, so it may cross to another process.
 
-    Notes
-    -----
-    Chapter 2.
+    Examples
+    --------
+    >>> albedo = texture(seed=3)
+    >>> albedo(np.zeros((2, 3))).shape
+    (2,)
     """
     rng = seeded(seed)
     directions = rng.normal(size=(6, 3))
@@ -233,6 +218,134 @@ def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
     phases = rng.uniform(0, 2 * np.pi, 6)
     low, high = rng.uniform(0.3, 0.6), rng.uniform(0.7, 0.95)
     return partial(_albedo, waves=waves, phases=phases, low=low, high=high)
+
+
+def genus(mesh: trimesh.Trimesh) -> int:
+    """Genus of a closed surface, the number of through holes, from the Euler characteristic.
+
+    ``chi = V - E + F = 2 (parts - genus)``, the genera of the connected parts summed. Chapter 2.
+
+    Raises
+    ------
+    ValueError
+        If the surface is open or has no faces.
+
+    Examples
+    --------
+    >>> genus(sphere(subdivisions=1)), genus(part(1, "nut"))
+    (0, 1)
+    """
+    check_mesh(mesh, "mesh")
+    if not mesh.is_watertight:
+        raise ValueError("an open mesh given; the genus needs every edge to have two faces")
+    return int(mesh.body_count - mesh.euler_number // 2)
+
+
+def formats() -> list[str]:
+    """Endings of the files `load_mesh` reads, sorted, without the dot."""
+    return sorted((mesh_formats() | {"npz"}) - {"xyz"})  # xyz holds points alone
+
+
+def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
+    """Read a mesh file as one mesh, in its own coordinates and units. Chapter 2.
+
+    Parameters
+    ----------
+    path : path
+        A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF; or NPZ with
+        arrays ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models. A scene
+        becomes one mesh, each of its parts in its place.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        Equal vertices merged, faces that they leave without area dropped; no colours, no
+        textures. `place` brings it into view.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the format is unknown, the file cannot be read or holds less than its header
+        promises, has no faces, or has vertices that are not finite. An OBJ file promises
+        nothing: cut off between two lines, it reads as a smaller mesh.
+
+    Examples
+    --------
+    >>> path = getfixture("tmp_path") / "ball.ply"
+    >>> _ = sphere(subdivisions=2).export(path)
+    >>> load_mesh(path).faces.shape
+    (320, 3)
+    """
+    path = Path(path)
+    suffix = path.suffix[1:].lower()
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is not a file; a mesh file is needed")
+    if suffix not in formats():
+        known = ", ".join(formats())
+        raise ValueError(f"{path} ends in {suffix!r}; the mesh formats read here are {known}")
+    try:
+        mesh = (_npz_mesh if suffix == "npz" else _trimesh_mesh)(path)
+        promised = _promised_faces(path, suffix)
+    except Exception as error:  # each format's reader fails in its own way
+        reason = f"{type(error).__name__}: {error}"
+        raise ValueError(f"{path} cannot be read ({reason}); a whole file is needed") from error
+    if len(mesh.faces) < promised:
+        raise ValueError(
+            f"{path} holds {len(mesh.faces)} of the {promised} faces that its header promises; "
+            "a whole file is needed"
+        )
+    check_mesh(mesh, str(path))
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    mesh.merge_vertices()
+    corners = np.sort(mesh.faces, axis=1)  # slivers lose a corner in the file's float32
+    distinct = (np.diff(corners, axis=1) > 0).all(axis=1)
+    if distinct.any():
+        mesh.update_faces(distinct)
+    return mesh
+
+
+def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
+    """Raise ValueError, in the mesh's ``name``, unless it has faces and finite vertices."""
+    if len(mesh.faces) == 0:
+        raise ValueError(f"{name} has no faces; a mesh needs at least one triangle")
+    bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
+    if bad:
+        raise ValueError(
+            f"{name} has {bad} NaN or infinite vertices of {len(mesh.vertices)}; all must be finite"
+        )
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise ValueError(
+            f"{name} has faces on vertices {mesh.faces.min()} to {mesh.faces.max()}; "
+            f"there are vertices 0 to {len(mesh.vertices) - 1}"
+        )
+
+
+def _trimesh_mesh(path: Path) -> trimesh.Trimesh:
+    return trimesh.load_scene(path, process=False).to_mesh()
+
+
+def _npz_mesh(path: Path) -> trimesh.Trimesh:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        vertices, facets = stored["vertices"], stored["facets"]
+    if vertices.shape[1:] != (3,) or facets.shape[1:] != (3,) or facets.dtype.kind not in "iu":
+        raise ValueError(
+            f"vertices {vertices.shape} and facets {facets.shape} of {facets.dtype}; "
+            "(V, 3) and (F, 3) of whole numbers are needed"
+        )
+    return trimesh.Trimesh(vertices.astype(float), facets.astype(np.int64), process=False)
+
+
+def _promised_faces(path: Path, suffix: str) -> int:
+    """Faces, polygons counted once, that the header of a PLY or OFF file promises; else 0."""
+    with path.open("rb") as file:
+        head = file.read(65536)
+    if suffix == "off":
+        counts = re.match(rb"\s*\w*OFF\s+\d+\s+(\d+)", re.sub(rb"#.*", b"", head))
+    else:
+        counts = re.search(rb"element\s+face\s+(\d+)", head) if suffix == "ply" else None
+    return int(counts[1]) if counts else 0
 
 
 def _albedo(points, waves, phases, low, high) -> np.ndarray:

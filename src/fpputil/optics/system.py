@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,6 +40,9 @@ class Pitches(NamedTuple):
         """Those of multi-frequency unwrapping, longest first: unit, mid, high."""
         return self.unit, self.mid, self.high
 
+
+PINHOLE = ("width", "height", "K", "R", "t", "distortion")
+"""Entries of camera and projector in a system file."""
 
 FREQUENCIES = Pitches._fields
 """Names of the pitches, in the order of a dataset's targets and stored photographs."""
@@ -82,7 +85,13 @@ class System:
         return (local - self.camera.t) @ self.camera.R
 
     def columns_at(self, z: float | np.ndarray) -> np.ndarray:
-        """Projector column that lights each camera pixel on the plane z (mm), (H, W)."""
+        """Projector column that lights each camera pixel on the plane z (mm), (H, W).
+
+        Examples
+        --------
+        >>> [round(table2(160).columns_at(z)[60, 80], 1) for z in (480.0, 820.0)]
+        [397.3, 484.2]
+        """
         return self.projector.project(self.points_at(z))[..., 0]
 
     def lit_at(self, z: float | np.ndarray) -> np.ndarray:
@@ -94,13 +103,29 @@ class System:
         """Sensitivity ``|d column / d z|`` at depth z, (H, W), projector pixels per mm."""
         return np.abs(self.columns_at(z + step) - self.columns_at(z - step)) / (2 * step)
 
+    def mirrored(self) -> System:
+        """The same system with the projector on the other side of the camera. Chapter 5.
+
+        Its pose is mirrored at the plane x = 0 of the camera; its lens is left as it is.
+
+        Examples
+        --------
+        >>> right = preset("paper").system
+        >>> [round(s.projector.centre[0]) for s in (right, right.mirrored())]
+        [45, -45]
+        """
+        mirror, camera, projector = np.diag([-1.0, 1.0, 1.0]), self.camera, self.projector
+        R = projector.R @ camera.R.T  # of the projector in the camera's frame
+        t = mirror @ (projector.t - R @ camera.t)
+        R = mirror @ R @ mirror
+        other = replace(projector, R=R @ camera.R, t=t + R @ camera.t)
+        return replace(self, projector=other)
+
     def save(self, path: str | os.PathLike) -> None:
         """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
         path = Path(path)
-        text = (
-            _to_yaml(self) if _is_yaml(path) else json.dumps(system_to_dict(self), indent=2) + "\n"
-        )
-        write_whole(path, text.encode())
+        json_text = json.dumps(system_to_dict(self), indent=2) + "\n"
+        write_whole(path, (_to_yaml(self) if _is_yaml(path) else json_text).encode())
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> System:
@@ -109,8 +134,8 @@ class System:
         if not path.is_file():
             raise FileNotFoundError(f"{path} given; there is no such system file")
         try:
-            read = _from_yaml if _is_yaml(path) else json.loads
-            return system_from_dict(read(path.read_text()))
+            parse = _from_yaml if _is_yaml(path) else json.loads
+            return system_from_dict(parse(path.read_text()))
         except (
             *(KeyError, TypeError, ValueError, OverflowError, RecursionError),
             *(SystemError, cv2.error),  # OpenCV's parser
@@ -155,7 +180,13 @@ class Preset:
 
 
 def preset(name: str) -> Preset:
-    """The preset "tiny" (160 x 120), "small" (320 x 240) or "paper" (640 x 480)."""
+    """The preset "tiny" (160 x 120), "small" (320 x 240) or "paper" (640 x 480).
+
+    Examples
+    --------
+    >>> preset("paper").system.camera.width, preset("paper").pitches.high
+    (640, 15)
+    """
     known = {"tiny": (160, 24), "small": (320, 18), "paper": (640, 15)}
     if name not in known:
         raise ValueError(f"preset {name!r} given; the presets are {', '.join(known)}")
@@ -172,45 +203,32 @@ def _is_yaml(path: Path) -> bool:
 def system_to_dict(system: System) -> dict:
     """A system as plain numbers, as JSON holds it."""
 
-    def pinhole(p):
-        arrays = {k: getattr(p, k).tolist() for k in ("K", "R", "t", "distortion")}
-        return {"width": p.width, "height": p.height, **arrays}
+    def plain(pinhole):
+        return {name: np.asarray(getattr(pinhole, name)).tolist() for name in PINHOLE}
 
-    return {
-        "camera": pinhole(system.camera),
-        "projector": pinhole(system.projector),
-        "z_min": system.z_min,
-        "z_max": system.z_max,
-    }
+    pinholes = {"camera": plain(system.camera), "projector": plain(system.projector)}
+    return {**pinholes, "z_min": system.z_min, "z_max": system.z_max}
 
 
 def system_from_dict(data: dict) -> System:
-    """The system that `to_dict` took apart; KeyError, TypeError or ValueError if not whole."""
+    """The system of `system_to_dict`; KeyError, TypeError or ValueError if not whole."""
 
-    def pinhole(p):
-        _same_keys(p, ("width", "height", "K", "R", "t", "distortion"))
-        return Pinhole(**p)
+    def pinhole(entries):
+        return Pinhole(**{**{name: entries[name] for name in PINHOLE}, **entries})
 
-    _same_keys(data, ("camera", "projector", "z_min", "z_max"))
-    camera, projector = pinhole(data["camera"]), pinhole(data["projector"])
-    return System(camera, projector, float(data["z_min"]), float(data["z_max"]))
-
-
-def _same_keys(given: dict, needed: tuple) -> None:
-    if not isinstance(given, dict) or set(given) != set(needed):
-        raise ValueError(f"entries {sorted(given)} found, {sorted(needed)} needed")
+    pinholes = {name: pinhole(data[name]) for name in ("camera", "projector")}
+    measuring_range = {name: float(data[name]) for name in ("z_min", "z_max")}
+    return System(**{**data, **pinholes, **measuring_range})
 
 
 def _to_yaml(system: System) -> str:
     store = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    for key, value in system_to_dict(system).items():
-        if not isinstance(value, dict):
-            store.write(key, value)
-            continue
-        for name, entry in value.items():
-            entry = np.array(entry, np.float64) if isinstance(entry, list) else entry
-            if not (isinstance(entry, np.ndarray) and entry.size == 0):
-                store.write(f"{key}_{name}", entry)
+    for name in ("camera", "projector"):
+        pinhole = getattr(system, name)
+        for entry in PINHOLE[:-1] if pinhole.distortion.size == 0 else PINHOLE:
+            store.write(f"{name}_{entry}", getattr(pinhole, entry))
+    store.write("z_min", system.z_min)
+    store.write("z_max", system.z_max)
     return store.releaseAndGetString()
 
 
@@ -219,26 +237,32 @@ def _from_yaml(text: str) -> dict:
 
     def value(key):
         node = store.getNode(key)
+        if node.isNone() and key.endswith("_distortion"):
+            return []
         if node.isNone():
-            if key.endswith("_distortion"):
-                return []
             raise KeyError(key)
         if node.isInt():
             return int(node.real())
         return node.real() if node.isReal() else node.mat().squeeze()
 
-    names = ("width", "height", "K", "R", "t", "distortion")
-    pinholes = {k: {n: value(f"{k}_{n}") for n in names} for k in ("camera", "projector")}
+    pinholes = {k: {n: value(f"{k}_{n}") for n in PINHOLE} for k in ("camera", "projector")}
     return {**pinholes, "z_min": value("z_min"), "z_max": value("z_max")}
 
 
-def load_system(name: str) -> System:
+def load_system(name: str | os.PathLike) -> System:
     """The system of a preset or of a file. Chapter 2.
 
     Raises
     ------
     FileNotFoundError, ValueError
         If it is neither the name of a preset nor a whole system file.
+
+    Examples
+    --------
+    >>> path = getfixture("tmp_path") / "mine.json"
+    >>> load_system("tiny").save(path)
+    >>> load_system(path).camera.width
+    160
     """
     if Path(name).suffix in (".json", ".yml", ".yaml"):
         return System.load(name)

@@ -59,11 +59,7 @@ class View:
         seed: int | None = None,
         *,
         steps: Sequence[int] | None = None,
-        gain: float = 1.0,
-        ambient: float = 0.0,
-        gamma: float = 1.0,
-        saturation: float | None = None,
-        quantise: bool = True,
+        **camera,
     ) -> np.ndarray:
         """Photograph the view under one fringe or a set of them.
 
@@ -71,12 +67,60 @@ class View:
         ----------
         fringes : Fringe or sequence of Fringe
             The projected patterns, in the order of the frames.
+        noise, seed, **camera
+            gain, ambient, gamma, saturation, quantise: as for `photograph`.
+        steps : sequence of int, optional
+            Which steps of each fringe to photograph; all by default.
+
+        Returns
+        -------
+        (N, H, W) array
+            uint8 or float64; N is the number of steps of all fringes together.
+
+        Examples
+        --------
+        >>> flat = np.ones((2, 3))
+        >>> view = View(column=0 * flat, row=flat, shade=flat, depth=600 * flat, mask=flat > 0)
+        >>> view.frames(Fringe(912, steps=4))[:, 0, 0].tolist()
+        [255, 128, 0, 128]
+        """
+        fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
+        if not fringes:
+            raise ValueError("no fringe given; a photograph needs at least one pattern")
+        patterns = [(fringe, _which(fringe, steps)) for fringe in fringes]
+        return self.photograph(patterns, noise, seed, **camera)
+
+    def plain(self, **camera) -> np.ndarray:
+        """The view in plain white light, (H, W); keyword arguments as for `photograph`."""
+        return self.photograph(WHITE, **camera)[0]
+
+    def dark(self, **camera) -> np.ndarray:
+        """The view without the projector's light, (H, W); arguments as for `photograph`."""
+        return self.photograph(0.0, **camera)[0]
+
+    def photograph(
+        self,
+        light: float | np.ndarray | list[tuple[Fringe, Sequence[int]]],
+        noise: float = 0.0,
+        seed: int | None = None,
+        *,
+        gain: float = 1.0,
+        ambient: float = 0.0,
+        gamma: float = 1.0,
+        saturation: float | None = None,
+        quantise: bool = True,
+    ) -> np.ndarray:
+        """Photograph the view under any light of the projector.
+
+        Parameters
+        ----------
+        light : float, (H, W) array, or list of (Fringe, steps)
+            0 to 255: one grey level that the projector shows everywhere, or the light that it
+            sends to each pixel (of `fine`, if there is one); or steps of fringes.
         noise : float
             Standard deviation of the Gaussian read noise, grey levels.
         seed : int, optional
             Seed of the noise; needed if ``noise > 0``.
-        steps : sequence of int, optional
-            Which steps of each fringe to photograph; all by default.
         gain : float
             Exposure: factor on the light.
         ambient : float
@@ -92,73 +136,90 @@ class View:
         Returns
         -------
         (N, H, W) array
-            uint8 or float64; N is the number of steps of all fringes together.
+            uint8 or float64; N is 1, or the number of steps of all fringes together.
 
         Raises
         ------
         ValueError
             If a parameter is out of range, or noise is asked for without a seed.
+
+        Examples
+        --------
+        >>> flat = np.ones((2, 3))
+        >>> view = View(column=0 * flat, row=flat, shade=flat / 2, depth=flat, mask=flat > 0)
+        >>> view.photograph(100.0, ambient=20)[0, 0].tolist()
+        [70, 70, 70]
         """
-        fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
         _check_camera(noise, seed, gain, ambient, gamma, saturation)
-        if not fringes:
-            raise ValueError("no fringe given; a photograph needs at least one pattern")
-        which = [_which(f, steps) for f in fringes]
-        number = sum(len(w) for w in which)
-        out = np.empty((number, *self.mask.shape), np.uint8 if quantise else np.float64)
+        if isinstance(light, list):
+            number = sum(len(steps) for _, steps in light)
+        else:
+            number, light = 1, _sent(light)
         dtype = np.float32 if quantise else np.float64
+        out = np.empty((number, *self.mask.shape), np.uint8 if quantise else dtype)
         rng = seeded(seed) if noise else None
-        top = np.inf if saturation is None else saturation
-        top = min(top, WHITE) if quantise else top
+        top = min(saturation or np.inf, WHITE if quantise else np.inf)
         n = 0
-        for fringe, chosen in zip(fringes, which, strict=True):
-            for light in self._lights(fringe, chosen, dtype):
-                if gain != 1:
-                    light *= dtype(gain)
-                if ambient:
-                    light += dtype(ambient)
-                if gamma != 1:
-                    np.maximum(light, 0, out=light)  # rounding may leave black below zero
-                    light = dtype(WHITE) * (light / dtype(WHITE)) ** dtype(gamma)
-                if noise:
-                    light += dtype(noise) * rng.standard_normal(light.shape, dtype)
-                if noise or np.isfinite(top):
-                    lowest = 0 if quantise else -np.inf
-                    np.clip(light, lowest, top, out=light)
-                if quantise:
-                    np.rint(light, out=light)
-                out[n : n + len(light)] = light
-                n += len(light)
+        for block in self._returned(light, dtype):
+            if gain != 1:
+                block *= dtype(gain)
+            if ambient:
+                block += dtype(ambient)
+            if gamma != 1:
+                np.maximum(block, 0, out=block)  # rounding may leave black below zero
+                block = dtype(WHITE) * (block / dtype(WHITE)) ** dtype(gamma)
+            if noise:
+                block += dtype(noise) * rng.standard_normal(block.shape, dtype)
+            if noise or np.isfinite(top):
+                np.clip(block, 0 if quantise else -np.inf, top, out=block)
+            if quantise:
+                np.rint(block, out=block)
+            out[n : n + len(block)] = block
+            n += len(block)
         return out
 
-    def plain(self, **camera) -> np.ndarray:
-        """The view in plain white light, (H, W); keyword arguments as for `frames`."""
-        white = Fringe(1e12, 3)  # a period so long that step 0 is white over the whole field
-        return self.frames(white, **camera)[0]
-
-    def _lights(self, fringe: Fringe, which: Sequence[int], dtype) -> Iterator[np.ndarray]:
-        """Light of the chosen steps at each pixel, before the camera, some (S, H, W) at a time."""
+    def _returned(self, light, dtype) -> Iterator[np.ndarray]:
+        """Light that comes back to each pixel, before the camera, some (S, H, W) at a time."""
         if self.fine is not None:
-            for light in self.fine._lights(fringe, which, dtype):
-                yield _block_mean(light, (len(light), *self.mask.shape))
+            (h, w), (fine_h, fine_w) = self.mask.shape, self.fine.mask.shape
+            for block in self.fine._returned(light, dtype):
+                samples = block.reshape(len(block), h, fine_h // h, w, fine_w // w)
+                yield samples.mean(axis=(2, 4))
             return
-        coordinate = self.column if fringe.axis == "column" else self.row
         shade = self.shade.astype(dtype)
-        coordinate = np.where(self.mask, coordinate, 0).astype(np.float64)
-        if not fringe.ideal:
-            for n in which:
-                yield (shade * fringe.intensity(coordinate, n)).astype(dtype)[None]
+        if not isinstance(light, list):
+            yield (shade * light.astype(dtype))[None]
             return
-        phase = np.remainder(fringe.phase(coordinate), 2 * np.pi).astype(dtype)
-        half = shade * dtype(WHITE / 2)
-        cosine, sine = half * np.cos(phase), half * np.sin(phase)
-        at_once = max(1, CACHED // half.size)
-        for first in range(0, len(which), at_once):
-            delta = fringe.shifts[list(which[first : first + at_once])]
-            light = np.multiply.outer(np.cos(delta).astype(dtype), cosine)
-            light += half
-            light -= np.multiply.outer(np.sin(delta).astype(dtype), sine)
-            yield light
+        for fringe, steps in light:
+            coordinate = self.column if fringe.axis == "column" else self.row
+            coordinate = np.where(self.mask, coordinate, 0).astype(np.float64)
+            if fringe.ideal:
+                yield from _sinusoids(fringe, steps, coordinate, shade)
+            else:
+                for n in steps:
+                    yield (shade * fringe.intensity(coordinate, n)).astype(dtype)[None]
+
+
+def _sent(light) -> np.ndarray:
+    light = np.asarray(light, np.float64)
+    if not ((light >= 0) & (light <= WHITE)).all():
+        raise ValueError(f"light {light.min()} to {light.max()} given; a projector sends 0 to 255")
+    return light
+
+
+def _sinusoids(fringe, steps, coordinate, shade) -> Iterator[np.ndarray]:
+    """Shaded steps of Eq. 1, by ``cos(phase + delta)`` taken apart: two cosines serve them all."""
+    dtype = shade.dtype.type
+    phase = np.remainder(fringe.phase(coordinate), 2 * np.pi).astype(dtype)
+    half = shade * dtype(WHITE / 2)
+    cosine, sine = half * np.cos(phase), half * np.sin(phase)
+    at_once = max(1, CACHED // half.size)
+    for first in range(0, len(steps), at_once):
+        delta = fringe.shifts[list(steps[first : first + at_once])]
+        light = np.multiply.outer(np.cos(delta).astype(dtype), cosine)
+        light += half
+        light -= np.multiply.outer(np.sin(delta).astype(dtype), sine)
+        yield light
 
 
 def _which(fringe: Fringe, steps: Sequence[int] | None) -> Sequence[int]:
@@ -170,12 +231,6 @@ def _which(fringe: Fringe, steps: Sequence[int] | None) -> Sequence[int]:
             f"{fringe.steps - 1}, and a photograph needs one"
         )
     return steps
-
-
-def _block_mean(images: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
-    s, h, w = shape
-    fine = images.shape
-    return images.reshape(s, h, fine[1] // h, w, fine[2] // w).mean(axis=(2, 4))
 
 
 def _check_camera(noise, seed, gain, ambient, gamma, saturation):

@@ -7,7 +7,6 @@ Where Blender does not run, those that use it raise an ImportError that says why
 """
 
 from fpputil.optics.blender.drawing import picture, sheets
-from fpputil.optics.blender.store import stored
-from fpputil.optics.blender.twin import photograph, see
+from fpputil.optics.blender.twin import photograph, see, stored
 
 __all__ = ["photograph", "picture", "see", "sheets", "stored"]

@@ -11,8 +11,8 @@ from matplotlib.colors import to_rgba
 from fpputil.checks import positive, whole
 from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole, looking
+from fpputil.optics.shapes import check_mesh
 
 
 def picture(
@@ -27,19 +27,15 @@ def picture(
     white_at: float = 600.0,
     samples: int = 48,
 ) -> np.ndarray:
-    """Picture of bodies in space by daylight, as `fpputil.plotting.bodies` draws it.
+    """Picture of bodies in space by daylight, as `fpputil.plotting.bodies` draws it. Chapter 2.
 
     Parameters
     ----------
     bodies : sequence of (trimesh.Trimesh, colour)
         World coordinates, mm; colours as matplotlib takes them. One that is not opaque, such as
         ``("gold", 0.1)``, makes a veil of light, which shines and throws no shadow.
-    look_from, look_at : (3,) arrays
-        Eye and target, mm. Up in the picture is the world's -y.
-    size : (width, height)
-        Pixels.
-    angle : float
-        Vertical field of view, degrees.
+    look_from, look_at, size, angle
+        As for `fpputil.optics.pinhole.looking`.
     projector : Pinhole, optional
         Throws step 0 of `fringe` on the bodies. A body around the projector's centre, such as
         its housing or the edges of its light, throws no shadow.
@@ -61,10 +57,6 @@ def picture(
         If a body is empty or not finite, or a projector comes without a fringe.
     ImportError
         If Blender does not run here.
-
-    Notes
-    -----
-    Chapter 2; the paper's Fig. 6 b.
     """
     if not bodies:
         raise ValueError("no body given; a picture needs at least one")
@@ -83,7 +75,7 @@ def picture(
             lamp = shaders.projector(bpy, projector, positive("white_at", white_at, "mm"))
             shaders.throw(lamp, projector, shaders.pattern(fringe))
         light = shoot()
-    return _shown(light[..., :3] + (1 - light[..., 3:]))
+    return _srgb(light[..., :3] + (1 - light[..., 3:]))
 
 
 def sheets(projector: Pinhole, pitch: float, reach: float) -> trimesh.Trimesh:
@@ -101,10 +93,6 @@ def sheets(projector: Pinhole, pitch: float, reach: float) -> trimesh.Trimesh:
     -------
     trimesh.Trimesh
         One triangle for each, to be drawn as a veil.
-
-    Notes
-    -----
-    Chapter 2.
     """
     columns = np.arange(0, projector.width, positive("pitch", pitch, "projector pixels"))
     top, bottom = np.full_like(columns, -0.5), np.full_like(columns, projector.height - 0.5)
@@ -130,7 +118,7 @@ def _stand(bpy, mesh, colour, lamp) -> None:
     thing.visible_diffuse = alpha == 1
 
 
-def _shown(linear) -> np.ndarray:
+def _srgb(linear) -> np.ndarray:
     """Linear light 0 to 1 as the uint8 of a screen (sRGB)."""
     x = np.clip(linear, 0, 1)
     x = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import zipfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import numpy as np
 import trimesh
 
+from fpputil import probe
 from fpputil.checks import positive, whole
+from fpputil.files import write_arrays
 from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import WHITE, Fringe
-from fpputil.optics.meshes import check_mesh
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.raycasting import check_reflectance, outside_view
+from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -33,16 +38,10 @@ def photograph(
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh
-        Vertices in world coordinates, mm.
-    system : System
-        Camera (without distortion and skew) and projector (without distortion).
+    mesh, system, albedo, white_at
+        As for `see`.
     fringes : Fringe or sequence of Fringe
         The projected patterns, in the order of the frames; without defocus.
-    albedo : float or (F,) array
-        Diffuse reflectance: one for all, or one for each face.
-    white_at : float
-        Distance from the projector, mm, at which a white face square to the light reads 255.
     samples : int
         1 looks through the centre of each pixel, as the ray caster does. More are spread by
         Cycles' own pixel filter, 1.5 pixels wide: neighbours mix, as in a real camera, and the
@@ -54,13 +53,6 @@ def photograph(
     -------
     (N, H, W) array
         N is the number of steps of all fringes together.
-
-    Raises
-    ------
-    ValueError
-        As `fpputil.optics.raycasting.raycast`; also for what Blender cannot do.
-    ImportError
-        If Blender does not run here.
 
     Notes
     -----
@@ -107,8 +99,14 @@ def see(
 
     Parameters
     ----------
-    mesh, system, albedo, white_at
-        As for `photograph`.
+    mesh : trimesh.Trimesh
+        Vertices in world coordinates, mm.
+    system : System
+        Camera (without distortion and skew) and projector (without distortion).
+    albedo : float or (F,) array
+        Diffuse reflectance: one for all, or one for each face.
+    white_at : float
+        Distance from the projector, mm, at which a white face square to the light reads 255.
 
     Returns
     -------
@@ -120,10 +118,6 @@ def see(
         As `fpputil.optics.raycasting.raycast`; also for what Blender cannot do.
     ImportError
         If Blender does not run here.
-
-    Notes
-    -----
-    Chapter 2.
     """
     projector, scene = system.projector, _scene(mesh, system, albedo, white_at)
     with studio.opened(system.camera, 1) as (bpy, shoot):
@@ -139,6 +133,29 @@ def see(
     column, row = np.moveaxis(address * (projector.width, projector.height) - 0.5, -1, 0)
     depth = np.where(mask, depth * studio.METRE, np.nan)
     return View(*(a.astype(np.float32) for a in (column, row, shade, depth)), mask)
+
+
+def stored(path: str | os.PathLike, make: Callable[[], np.ndarray]) -> np.ndarray:
+    """A photograph made anew where Blender works, else read from its NPZ file.
+
+    Where Blender works and there is no such file yet, it is written. An existing file is left
+    alone: to store a changed photograph, delete the file first.
+    """
+    path = Path(path)
+    if probe.blender_works():
+        image = make()
+        if not path.exists():
+            write_arrays(path, {"image": image})
+        return image
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"{path} given; there is no such stored photograph, and Blender does not run here"
+        )
+    try:
+        with path.open("rb") as file, np.load(file) as arrays:
+            return arrays["image"]
+    except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile, EOFError) as error:
+        raise ValueError(f"{path} given; it holds no stored photograph ({error})") from error
 
 
 def _scene(mesh, system: System, albedo, white_at: float) -> tuple:

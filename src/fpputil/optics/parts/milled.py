@@ -105,8 +105,9 @@ def pillow(rng: np.random.Generator) -> Manifold:
     bore, wall, width = rng.uniform([17, 7, 30], [24, 11, 45])
     foot, rise = rng.uniform(125, 145), bore + wall + rng.uniform(4, 14)
     seat = rod(bore + wall, width).rotate((90, 0, 0)).translate((0, width / 2, rise))
-    cheek = outline([(-bore - wall, rise), (-bore - wall - 14, 5), (bore + wall + 14, 5),
-                     (bore + wall, rise)])  # fmt: skip
+    cheek = outline(
+        [(-bore - wall, rise), (-bore - wall - 14, 5), (bore + wall + 14, 5), (bore + wall, rise)]
+    )
     body = seat + cheek.extrude(0.7 * width).rotate((90, 0, 0)).translate((0, 0.35 * width, 0))
     slot = slab(16, 9, 40, 4.4).translate((0, 0, -9))
     slots = at(slot, [(s * (foot / 2 - 14), 0, 0) for s in (-1, 1)])
@@ -137,12 +138,17 @@ def channel(rng: np.random.Generator) -> Manifold:
     x, web, rise, t = rng.uniform([100, 45, 20, 1.4], [130, 70, 45, 2.8])
     second = float(rng.choice([-1, 1]))
     line = [(-web / 2, rise), (-web / 2, 0), (web / 2, 0), (web / 2, second * rise)]
-    legs = [CrossSection.batch_hull([CrossSection.circle(t / 2, 24).translate(p) for p in pair])
-            for pair in pairwise(line)]  # fmt: skip
+    legs = [
+        CrossSection.batch_hull([CrossSection.circle(t / 2, 24).translate(p) for p in pair])
+        for pair in pairwise(line)
+    ]
     sheet = (legs[0] + legs[1] + legs[2]).extrude(x).rotate((90, 0, 90)).translate((-x / 2, 0, 0))
     columns, rows = int(rng.integers(3, 7)), int(rng.integers(1, 3))
     size = 0.6 * x / columns, 0.4 * web / rows
     slot = slab(*size, 6 * t, 0.45 * min(size))
-    places = [((i + 0.5) / columns * x - x / 2, (j + 0.5) / rows * 0.8 * web - 0.4 * web, -3 * t)
-              for i in range(columns) for j in range(rows)]  # fmt: skip
+    places = [
+        ((i + 0.5) / columns * x - x / 2, (j + 0.5) / rows * 0.8 * web - 0.4 * web, -3 * t)
+        for i in range(columns)
+        for j in range(rows)
+    ]
     return sheet - at(slot, places)
