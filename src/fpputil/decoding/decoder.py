@@ -69,6 +69,16 @@ def decode(
     -------
     Decoded
 
+    Examples
+    --------
+    >>> from fpputil.optics.fringes import fringe_set
+    >>> fringes = fringe_set((912, 114, 15), 4)
+    >>> column = np.array([[10.0, 400.0, 900.0]])
+    >>> frames = np.stack([f.intensity(column, n) for f in fringes for n in range(4)])
+    >>> decoded = decode(frames, fringes, 912)
+    >>> (decoded.Phi * 15 / (2 * np.pi)).round(6), decoded.wrapped.shape
+    (array([[ 10., 400., 900.]]), (3, 1, 3))
+
     Raises
     ------
     ValueError
