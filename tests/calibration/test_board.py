@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.board import Board, spacing
-from fpputil.calibration.corners import refine
+from fpputil.calibration.board_corners import refine
 
 KINDS = ("chessboard", "charuco", "circles")
 TILTED = Rotation.from_euler("xyz", (25, -28, 12), degrees=True).as_matrix()

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fpputil.calibration.corners import refine
+from fpputil.calibration.board_corners import refine
 from fpputil.checks import positive, whole
 
 MARKERS = 250  # of the dictionary of a ChArUco board
