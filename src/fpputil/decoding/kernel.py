@@ -42,6 +42,7 @@ def compiled(function=None, **options):
 
 @numba.njit(inline="always", error_model="numpy")
 def minus_atan2(M, D):
+    """-atan2(M, D), radians, float32."""
     a, b = abs(M), abs(D)
     x = min(a, b) / (max(a, b) + TINY)
     s = x * x
@@ -56,6 +57,22 @@ def minus_atan2(M, D):
 
 @compiled(parallel=True, error_model="numpy", fastmath={"contract"})
 def sweep(frames, steps, weights, ratios, start, threshold, wrapped, modulation, Phi, mask):
+    """Fill the last four arrays, of S pixels in a row, from frames (N, S): as `decode` says.
+
+    Parameters
+    ----------
+    frames : (N, S) uint8, uint16 or float32 array
+    steps : (P,) int array
+        Frames of each pitch.
+    weights : (2, N) float32 array
+        What each frame counts in M and in D, so that their length is the modulation.
+    ratios : (P,) float32 array
+        Each pitch's predecessor over itself; the first does not count.
+    start : float32
+        Phase at which the period of the first pitch begins, radians.
+    threshold : float32
+        Least modulation, grey levels, of the last pitch.
+    """
     pixels = frames.shape[1]
     last = len(steps) - 1
     for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
@@ -63,7 +80,7 @@ def sweep(frames, steps, weights, ratios, start, threshold, wrapped, modulation,
         size = min(BLOCK, pixels - low)
         M, D, ref = np.empty(size, f32), np.empty(size, f32), np.empty(size, f32)
         first = 0
-        for p in range(len(steps)):
+        for p in range(len(steps)):  # sums, wrapped phase, absolute phase of each pitch
             M[:] = 0
             D[:] = 0
             end = first + steps[p]
