@@ -1,13 +1,11 @@
 """Boards found in photographs whose points are known exactly."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.board import Board, spacing
-from fpputil.calibration.corners import refine
+from fpputil.calibration.board_corners import refine
 
 KINDS = ("chessboard", "charuco", "circles")
 TILTED = Rotation.from_euler("xyz", (25, -28, 12), degrees=True).as_matrix()
@@ -77,27 +75,6 @@ def test_points_go_row_by_row():
     board = Board(4, 3, 10.0)
     np.testing.assert_array_equal(board.points[[0, 1, 4]], [(0, 0, 0), (10, 0, 0), (0, 10, 0)])
     assert board.size == (50.0, 40.0) and spacing(board.points[:, :2]) == 10
-
-
-@pytest.mark.parametrize(
-    "change, message",
-    [
-        ({"columns": 2}, "columns 2 given"),
-        ({"rows": 4.5}, "rows 4.5 given"),
-        ({"square": 0}, "square 0 given"),
-        ({"square": np.nan}, "square nan given"),
-        ({"kind": "dots"}, "board 'dots' given; the kinds are"),
-        ({"kind": "charuco", "columns": 40, "rows": 30}, "needs 635 markers"),
-    ],
-)
-def test_bad_boards_are_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        replace(Board(8, 5, 25.0), **change)
-
-
-def test_a_picture_needs_pixels():
-    with pytest.raises(ValueError, match="scale 3 given"):
-        Board(4, 3, 10.0).picture(3)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -73,38 +73,3 @@ def test_a_seed_repeats_its_poses(tiny, drawn):
     again = place_boards(12, 0, tiny.system, (300, 225))
     for (R, t), (Q, s) in zip(drawn, again, strict=True):
         assert np.array_equal(R, Q) and np.array_equal(t, s)
-
-
-@pytest.mark.parametrize(
-    "change, message",
-    [
-        ({"picture": np.zeros((3, 3))}, "dtype float64"),
-        ({"picture": np.zeros((3, 3, 3), np.uint8)}, r"shape \(3, 3, 3\)"),
-        ({"width": 0}, "width 0 given"),
-        ({"dark": 0.9}, "albedo 0.9 to 0.9"),
-        ({"bright": np.nan}, "albedo 0.08 to nan"),
-        ({"R": 2 * np.eye(3)}, "orthonormal"),
-        ({"R": np.eye(2)}, r"R of shape \(2, 2\)"),
-        ({"t": np.array([0, 0, np.nan])}, "finite"),
-    ],
-)
-def test_bad_targets_are_refused(change, message):
-    good = {"picture": PICTURE, "width": 200.0, "R": FACING[0], "t": FACING[1]}
-    with pytest.raises(ValueError, match=message):
-        PlacedBoard(**good | change)
-
-
-@pytest.mark.parametrize(
-    "change, message",
-    [
-        ({"number": 0}, "number 0 given"),
-        ({"seed": -1}, "seed -1 given"),
-        ({"size": (0, 100)}, "width 0 given"),
-        ({"size": (900, 700)}, "900 x 700 mm given; in"),
-        ({"tilt": (40, 25)}, "tilt 40 to 25"),
-    ],
-)
-def test_bad_wishes_are_refused(tiny, change, message):
-    wish = {"number": 1, "seed": 0, "system": tiny.system, "size": (300, 225)}
-    with pytest.raises(ValueError, match=message):
-        place_boards(**wish | change)

@@ -168,37 +168,3 @@ def test_a_pitch_of_few_periods_is_beyond_the_method(sphere_view, tiny):
     assert found < plane / 20
     found, plane = error(coarse)
     assert found > plane / 2
-
-
-GOOD = photograph(1.5 * U)
-HOLE = np.where((U == 5) & (V == 5), np.nan, GOOD)
-
-
-@pytest.mark.parametrize(
-    "arguments, says",
-    [
-        ((GOOD[:, :-1], 1.5 * U), "one shape"),
-        ((GOOD, 1.5 * U[:-1]), "one shape"),
-        ((GOOD, 1.5 * U, np.ones((3, 3), bool)), "one shape"),
-        ((GOOD[0], 1.5 * U[0]), "one shape"),
-        ((GOOD[:1], 1.5 * U[:1]), "2 x 2 pixels or more"),
-        ((HOLE, 1.5 * U), "photograph with NaN or infinite pixels in the mask"),
-        ((GOOD, 1.5 * U + 0 * HOLE), "carrier with NaN or infinite pixels in the mask"),
-        ((GOOD, 1.5 * U, np.zeros(U.shape, bool)), "empty mask"),
-        ((0 * U, 1.5 * U), "black in the mask"),
-        ((GOOD, 0 * U), "carrier of 0 periods a pixel"),
-        ((GOOD, 4 * U), "carrier of 0.637 periods a pixel"),
-        ((GOOD, 1.5 * U, None, 0.0), "width 0.0 given"),
-        ((GOOD, 1.5 * U, None, -1), "width -1 given"),
-        ((GOOD, 1.5 * U, None, np.nan), "width nan given"),
-    ],
-)
-def test_bad_input(arguments, says):
-    with pytest.raises(ValueError, match=says):
-        fourier_phase(*arguments)
-
-
-@pytest.mark.parametrize("arguments, says", [((0,), "pitch 0"), ((24, -5), "z -5 given")])
-def test_bad_carriers(tiny, arguments, says):
-    with pytest.raises(ValueError, match=says):
-        carrier(tiny.system, *arguments)

@@ -106,31 +106,6 @@ def test_phase_density_is_a_density_and_is_sampled(sigma):
     np.testing.assert_allclose(measured, predicted, atol=0.02 * predicted.max() + 0.01)
 
 
-def frames(**change):
-    good = {"dtype": np.uint8, "shape": (4, 5, 6)}
-    return np.zeros(**{**good, **change})
-
-
-@pytest.mark.parametrize(
-    "bad, says",
-    [
-        (frames(shape=(2, 5, 6)), "2 frames given; phase shifting needs at least 3"),
-        ([np.zeros((5, 6)), np.zeros((5, 7)), np.zeros((5, 6))], "sizes"),
-        ([np.zeros((5, 6), np.uint8), np.zeros((5, 6)), np.zeros((5, 6))], "dtypes"),
-        (np.full((4, 5, 6), np.nan), "NaN"),
-        (torch.full((4, 5, 6), float("inf")), "NaN or infinite"),
-        (frames(dtype=complex), "complex"),
-        (frames(shape=(4, 0, 6)), "no pixel"),
-        ([], "0 frames given"),
-        ([[1, 2], [3, 4]], "frames of type list given"),
-        (None, "frames of type NoneType given"),
-    ],
-)
-def test_bad_frames(bad, says):
-    with pytest.raises(ValueError, match=says):
-        phase.numerator_denominator(bad)
-
-
 def test_torch_differentiates_through_the_equations():
     x = torch.tensor(ideal(PHI, 100, 50, 5), requires_grad=True)
     phase.wrapped_phase(*phase.numerator_denominator(x)).sum().backward()

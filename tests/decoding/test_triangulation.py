@@ -106,21 +106,6 @@ def test_phase_height_models_on_planes(tiny, degree, inside):
     assert np.isnan(got[:, 120:]).all() and np.isfinite(got[:, :120]).all()
 
 
-@pytest.mark.parametrize(
-    "Phi, heights, degree",
-    [
-        (np.zeros((2, 4, 4)), (1, 2), 2),
-        (np.zeros((2, 4, 4)), (1, 2, 3), 1),
-        (np.zeros((4, 4)), (1, 2), 1),
-        (np.zeros((2, 4, 4)), (1, 2), 0),
-        (np.zeros((2, 4, 4)), (1, np.nan), 1),
-    ],
-)
-def test_bad_phase_height(Phi, heights, degree):
-    with pytest.raises(ValueError, match="a fit needs|all must be finite"):
-        phase_height.fit_phase_height(Phi, heights, degree)
-
-
 @settings(deadline=None, max_examples=30)
 @given(seed=st.integers(0, 1000), radius=st.floats(1, 500), z=st.floats(-1000, 1000))
 def test_sphere_fit_is_exact_on_a_cap(seed, radius, z):
@@ -156,44 +141,6 @@ def test_plane_through_the_whole_chain(tiny):
     keep = tiny.system.columns_per_mm(660.0) > 0.1
     fit = pointcloud.fit_plane(pointcloud.point_cloud(points, keep))
     assert fit.distance == pytest.approx(700, abs=0.05) and fit.rms < 0.2
-
-
-@pytest.mark.parametrize(
-    "call, says",
-    [
-        (lambda: pointcloud.fit_sphere(np.zeros((3, 3))), "P >= 4"),
-        (
-            lambda: pointcloud.fit_sphere(np.random.default_rng(0).random((50, 3)) * (1, 1, 0)),
-            "in a plane",
-        ),
-        (lambda: pointcloud.fit_sphere(np.full((9, 3), np.nan)), "NaN"),
-        (lambda: pointcloud.fit_plane(np.arange(9.0)[:, None] * np.ones(3)), "on a line"),
-        (lambda: pointcloud.fit_plane(np.zeros((5, 2))), r"\(P, 3\) is needed"),
-        (lambda: pointcloud.point_cloud(np.full((4, 4, 3), np.nan)), "no finite point"),
-        (
-            lambda: pointcloud.point_cloud(np.zeros((4, 4, 3)), np.zeros((4, 4), bool)),
-            "no finite point",
-        ),
-        (lambda: pointcloud.surface(np.full((4, 4, 3), np.nan)), "no triangle"),
-        (lambda: pointcloud.save_ply("x.obj", np.zeros((5, 3))), "ends in .ply"),
-        (lambda: pointcloud.save_ply("x.ply", np.full((5, 3), np.nan)), "NaN"),
-        (lambda: pointcloud.save_ply("x.ply", np.zeros((0, 3))), "P >= 1"),
-        (
-            lambda: pointcloud.save_ply("x.ply", np.zeros((5, 3)), np.zeros((3, 3), np.uint8)),
-            "colours",
-        ),
-        (lambda: pointcloud.save_ply("x.ply", np.zeros((5, 3)), np.zeros((5, 3))), "colours"),
-        (lambda: pointcloud.save_ply("no/x.ply", np.zeros((5, 3))), "does not exist"),
-    ],
-)
-def test_bad_input(call, says):
-    with pytest.raises((ValueError, FileNotFoundError), match=says):
-        call()
-
-
-def test_column_map_of_another_camera(tiny):
-    with pytest.raises(ValueError, match=r"shape \(10, 10\) given; the camera has \(120, 160\)"):
-        triangulation.triangulate(np.zeros((10, 10)), tiny.system)
 
 
 def test_ply_round_trip(tmp_path, tiny, sphere_view):

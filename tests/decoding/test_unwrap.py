@@ -92,6 +92,7 @@ def test_naive_unit_interval_costs_a_quarter_of_a_percent():
     assert ours[inner].sum() == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pitches", [(912, 15), (912, 114, 15)])
 def test_order_errors_are_those_predicted(pitches):
     """Within the 99 % interval, corrected for the levels, from sigma, B, N and pitches alone."""
@@ -130,31 +131,3 @@ def test_spatial_unwrapping_leaves_nan_out():
     phi[2, 3] = np.nan
     got = unwrap.spatial(phi, np.ones((6, 6), np.uint8))
     assert np.isnan(got).sum() == 1 and np.isnan(got[2, 3])
-
-
-@pytest.mark.parametrize(
-    "call, says",
-    [
-        (lambda p: unwrap.mf_tpu(p, (114, 912), 912), "must descend"),
-        (lambda p: unwrap.mf_tpu(p, (912, 912), 912), "must descend"),
-        (lambda p: unwrap.mf_tpu(p, (500, 15), 912), "pitch 500 on 912 columns"),
-        (lambda p: unwrap.mf_tpu(p, (912, 114, 15), 912), "2 phases and 3 pitches"),
-        (lambda p: unwrap.mf_tpu([], [], 912), "0 phases"),
-        (lambda p: unwrap.mf_tpu(p, (912, 0), 912), "pitch 0 given"),
-        (lambda p: unwrap.mf_tpu(p, (912, np.nan), 912), "pitch nan given"),
-        (lambda p: unwrap.mf_tpu(p, (912, 15), np.nan), "width nan given"),
-        (lambda p: unwrap.guard_columns(-1.0, 912), "sigma_phi -1.0 given"),
-        (lambda p: order_error_rate(8, 50, (15, 15), (912, 114, 15)), "2 phases and 3 pitches"),
-        (lambda p: order_error_rate(8, 50, 15, (15, 912)), "must descend"),
-        (lambda p: order_error_rate(0, 50, 15, (912, 15)), "noise 0 given"),
-        (lambda p: unwrap.mw_tpu(p, (16, 15), 912), "must ascend"),
-        (lambda p: unwrap.mw_tpu(p, (14, 15), 912), r"\[14, 15\] given; .* pitch 210.0 on 912"),
-        (lambda p: unwrap.mw_tpu([*p, p[0]], (10, 12, 15), 912), r"\[10, 12, 15\] given"),
-        (lambda p: unwrap.nt_tpu(p, (15.5, 64), 912), "whole pitches"),
-        (lambda p: unwrap.nt_tpu([*p, p[0]], (3, 5, 7), 912), "two phases"),
-        (lambda p: unwrap.spatial(p[0], np.zeros_like(p[0], bool)), "empty mask"),
-    ],
-)
-def test_bad_input(call, says):
-    with pytest.raises(ValueError, match=says):
-        call([np.zeros((3, 3)), np.zeros((3, 3))])

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fpputil.calibration.corners import refine
+from fpputil.calibration.board_corners import refine
 from fpputil.checks import positive, whole
 
 MARKERS = 250  # of the dictionary of a ChArUco board
@@ -31,10 +31,14 @@ class Board:
         A ChArUco board carries 4 x 4 markers, three quarters of a square wide, and may be seen
         in part; circles stand in a symmetric grid, half a square across.
 
-    Raises
-    ------
-    ValueError
-        If a number is out of range, the kind is unknown, or a ChArUco board needs too many markers.
+    Examples
+    --------
+    >>> board = Board(8, 5, 25.0)
+    >>> board.points.shape, board.size
+    ((40, 3), (225.0, 150.0))
+    >>> which, pixels = board.find(board.picture(20))
+    >>> len(which), pixels[which == 0].round(1)
+    (40, array([[39.5, 39.5]]))
     """
 
     columns: int
@@ -103,14 +107,14 @@ class Board:
             If the image is no finite (H, W) array or does not show the board.
         """
         image = _check_image(image)
-        found = FINDERS[self.kind](self, image)
-        if found is None:
+        corners = FINDERS[self.kind](self, image)
+        if corners is None:
             raise ValueError(
                 f"no {self.kind} of {self.columns} x {self.rows} points found; the board must be "
                 "in the picture, sharp and evenly lit, and of a chessboard its inner corners "
                 "count, one fewer than squares each way"
             )
-        which, pixels = found
+        which, pixels = corners
         return which, pixels.astype(np.float64)
 
     def _charuco(self):
@@ -159,11 +163,11 @@ def _find_chessboard(board, image):
     """By its squares, which is fast, or else by its saddle points."""
     size, image8 = (board.columns, board.rows), _bytes(image)
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    found, pixels = cv2.findChessboardCorners(image8, size, flags=flags)
-    if not found:
+    complete, pixels = cv2.findChessboardCorners(image8, size, flags=flags)
+    if not complete:
         flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, pixels = cv2.findChessboardCornersSB(image8, size, flags=flags)
-    if not found:
+        complete, pixels = cv2.findChessboardCornersSB(image8, size, flags=flags)
+    if not complete:
         return None
     return _refined(board, image, np.arange(board.columns * board.rows), pixels.reshape(-1, 2))
 
@@ -196,13 +200,13 @@ def _refined(board, image, which, pixels):
 def _find_circles(board, image):
     options = cv2.SimpleBlobDetector_Params()
     options.maxArea = image.size / (board.columns * board.rows)
-    found, pixels = cv2.findCirclesGrid(
+    complete, pixels = cv2.findCirclesGrid(
         _bytes(image),
         (board.columns, board.rows),
         flags=cv2.CALIB_CB_SYMMETRIC_GRID,
         blobDetector=cv2.SimpleBlobDetector_create(options),
     )
-    if not found:
+    if not complete:
         return None
     pixels = pixels.reshape(-1, 2).astype(np.float64)
     reach = spacing(pixels) / 2

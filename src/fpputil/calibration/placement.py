@@ -1,7 +1,7 @@
 """A flat picture posed in space, to be photographed for calibration (chapter 12).
 
-The frame of a target lies in the middle of its picture: x right, y down, z away from the viewer.
-A pose is R, t with ``x_world = R x_target + t``.
+The frame of a board lies in the middle of its picture: x right, y down, z away from the viewer.
+A pose is R, t with ``x_world = R x_board + t``.
 """
 
 from __future__ import annotations
@@ -39,10 +39,11 @@ class PlacedBoard:
     dark, bright : float
         Albedo where the picture is 0 and 255.
 
-    Raises
-    ------
-    ValueError
-        If the picture is no uint8 image, R is no rotation, or a number is out of range.
+    Examples
+    --------
+    >>> picture = np.tile(np.array([0, 255], np.uint8), (30, 20))  # 40 pixels across, 30 down
+    >>> PlacedBoard(picture, 200.0, np.eye(3), np.array([0.0, 0.0, 650.0])).size
+    (200.0, 150.0)
     """
 
     picture: np.ndarray
@@ -122,12 +123,20 @@ def place_boards(
     Returns
     -------
     list of (R, t)
-        As `Target` takes them.
+        As `PlacedBoard` takes them.
 
     Raises
     ------
     ValueError
         If a number is out of range or no place is found where the board is seen whole.
+
+    Examples
+    --------
+    >>> from fpputil.optics.system import preset
+    >>> poses = place_boards(2, 0, preset("tiny").system, (270.0, 180.0))
+    >>> R, t = poses[0]
+    >>> len(poses), R.shape, t.shape
+    (2, (3, 3), (3,))
     """
     whole("number", number, 1)
     _check_wishes(size, tilt)

@@ -9,19 +9,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.board import Board, spacing
-from fpputil.calibration.determined import poorly_determined
-from fpputil.calibration.sampling import light_at
 from fpputil.calibration.stereo import BoardView, StereoFit, calibrate_pair
 from fpputil.checks import positive, whole
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.system import System
 
 REACH = 0.5  # squares to each side of a point over which the projector pixel is fitted
+KNOWN, ASIDE = 0.3, 0.3  # least share of known pixels; most that their middle may be off, windows
 OUTLIER, CLEAR = 3.0, 0.3  # times the median error, and pixels, above which a pose goes
 LEAST_POSES, LEAST_POINTS = 3, 12
+FEW_POSES = 8
+LEAST_TILT = 5.0  # degrees, RMS, by which the boards' normals must vary both ways
+LEAST_COVER = 0.3  # share of the camera's picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +41,11 @@ class Pose:
     name : str
         For messages.
 
-    Raises
-    ------
-    ValueError
-        If the three are not of one shape (H, W), or a map has no finite value.
+    Examples
+    --------
+    >>> row, column = np.mgrid[:60.0, :80.0]
+    >>> Pose(np.full((60, 80), 90.0), column, row, "left").name
+    'left'
     """
 
     plain: np.ndarray
@@ -76,7 +81,8 @@ class Calibration:
         Standard deviations from the fit: "camera fx" to "projector k3" (fx, fy, cx, cy in pixels)
         and "baseline", mm. They know the scatter of the points, not a wrong square.
     warnings : tuple of str
-        What makes the result doubtful.
+        What makes the result doubtful: few poses, little tilt, a picture that is hardly covered,
+        boards outside the measuring range.
     """
 
     system: System
@@ -125,21 +131,65 @@ def calibrate(
         poses show the board lit by fringes, or the poses do not determine the system.
     """
     size = _check(poses, projector, z_min, z_max)
-    seen, rejected = _sightings(board, poses)
+    views, rejected = _views(board, poses)
     while True:
-        _enough(seen, rejected, len(poses))
+        _enough(views, rejected, len(poses))
         fit = calibrate_pair(
-            list(seen.values()), size, tuple(map(int, projector)), lens, projector_lens
+            list(views.values()), size, tuple(map(int, projector)), lens, projector_lens
         )
-        name, reason = _worst(fit, list(seen))
+        name, reason = _worst(fit, list(views))
         if reason is None:
             break
         rejected[name] = reason
-        del seen[name]
-    errors = [dict(zip(seen, e.tolist(), strict=True)) for e in fit.errors]
+        del views[name]
+    errors = [dict(zip(views, e.tolist(), strict=True)) for e in fit.errors]
     system = System(*_pinholes(fit, size, projector), float(z_min), float(z_max))
-    doubts = poorly_determined(fit, list(seen.values()), system)
-    return Calibration(system, *errors, rejected, fit.sigma, doubts)
+    warnings = tuple(_warnings(fit, list(views.values()), system))
+    return Calibration(system, *errors, rejected, fit.sigma, warnings)
+
+
+def light_at(column, row, pixels: np.ndarray, reach: float) -> np.ndarray:
+    """Projector pixel that lights each point, by a homography of its own around the point.
+
+    Over a small window of a flat board camera and projector see each other through a homography
+    (Moreno and Taubin 2012, "Simple, accurate, and robust projector-camera calibration"). Its
+    least median of squares lets up to half of the fringe orders be wrong. Chapter 12.
+
+    Parameters
+    ----------
+    column, row : (H, W) arrays
+        Projector pixel that lights each camera pixel; NaN where unknown.
+    pixels : (P, 2) array
+        u, v, camera pixels.
+    reach : float
+        Half the window, camera pixels.
+
+    Returns
+    -------
+    (P, 2) float64 array
+        Column and row; NaN where less than a third of the window is known or the known pixels
+        lie to one side.
+
+    Examples
+    --------
+    >>> row, column = np.mgrid[:40.0, :60.0]
+    >>> light_at(2 * column + 5, row, np.array([(30.25, 20.5)]), reach=4).round(6)
+    array([[65.5, 20.5]])
+    """
+    light = np.full(np.shape(pixels), np.nan)
+    reach = max(3, round(reach))
+    for k, (u, v) in enumerate(pixels):
+        left, top = (max(0, round(x) - reach) for x in (u, v))
+        window = np.s_[top : max(0, round(v) + reach + 1), left : max(0, round(u) + reach + 1)]
+        lit = np.stack([column[window], row[window]], -1)
+        y, x = np.nonzero(np.isfinite(lit).all(axis=-1))
+        around = np.stack([x + left - u, y + top - v], -1)
+        if len(x) < KNOWN * (2 * reach + 1) ** 2 or np.hypot(*around.mean(axis=0)) > ASIDE * reach:
+            continue
+        H, _ = cv2.findHomography(around, lit[y, x].astype(np.float64), cv2.LMEDS)
+        if H is not None:
+            light[k] = H[:2, 2] / H[2, 2]  # of the point itself, which is the origin
+    return light
 
 
 def _check(poses, projector, z_min, z_max):
@@ -163,22 +213,20 @@ def _name(pose, k):
     return pose.name or f"pose {k}"
 
 
-def _sightings(board, poses):
+def _views(board, poses):
     """What each pose shows, by name; and why others show nothing."""
-    seen, rejected = {}, {}
+    views, rejected = {}, {}
     for k, pose in enumerate(poses):
         try:
-            seen[_name(pose, k)] = _sighting(board, pose)
+            views[_name(pose, k)] = _view(board, pose)
         except ValueError as error:
             rejected[_name(pose, k)] = str(error)
-    return seen, rejected
+    return views, rejected
 
 
-def _sighting(board: Board, pose: Pose) -> BoardView:
+def _view(board: Board, pose: Pose) -> BoardView:
     which, pixels = board.find(pose.plain)
-    weight = np.asarray(pose.plain, np.float64) / np.max(pose.plain)
-    maps = (np.where(np.isfinite(m), m, np.nan) for m in (pose.column, pose.row))
-    light = np.stack([light_at(m, weight, pixels, REACH * spacing(pixels)) for m in maps], -1)
+    light = light_at(pose.column, pose.row, pixels, REACH * spacing(pixels))
     known = np.isfinite(light).all(axis=1)
     if known.sum() < LEAST_POINTS:
         raise ValueError(
@@ -187,14 +235,14 @@ def _sighting(board: Board, pose: Pose) -> BoardView:
     return BoardView(board.points[which[known]], pixels[known], light[known])
 
 
-def _enough(seen, rejected, number):
-    if len(seen) < LEAST_POSES:
+def _enough(views, rejected, number):
+    if len(views) < LEAST_POSES:
         texts = dict.fromkeys(rejected.values())
         reasons = "; ".join(
             f"{', '.join(k for k, v in rejected.items() if v == text)}: {text}" for text in texts
         )
         raise ValueError(
-            f"{len(seen)} of {number} poses can be used; {LEAST_POSES} are needed, ten are better"
+            f"{len(views)} of {number} poses can be used; {LEAST_POSES} are needed, ten are better"
             + (f" ({reasons})" if reasons else "")
         )
 
@@ -217,3 +265,30 @@ def _pinholes(fit: StereoFit, *sizes):
     for lens, size, (R, t) in zip(fit.lenses, sizes, poses, strict=True):
         K = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
         yield Pinhole(*size, K, R, t, lens[4:] if lens[4:].any() else ())
+
+
+def _warnings(fit: StereoFit, views: Sequence[BoardView], system: System):
+    """Why the poses may not determine the system that was fitted to them, in sentences."""
+    normals = Rotation.from_rotvec(fit.poses[:, :3]).as_matrix()[:, :, 2]
+    spread = np.linalg.svd(normals - normals.mean(axis=0), compute_uv=False)[1]
+    tilt = np.degrees(spread / np.sqrt(len(normals)))
+    if tilt < LEAST_TILT:
+        yield (
+            f"the boards' normals vary by {tilt:.1f} degrees (RMS) in one direction; "
+            f"{LEAST_TILT:g} or more both ways are needed, or focal length and depth trade places"
+        )
+    if len(views) < FEW_POSES:
+        yield f"{len(views)} poses were used; with fewer than {FEW_POSES} chance weighs much"
+    hull = cv2.convexHull(np.concatenate([v.camera for v in views]).astype(np.float32))
+    cover = cv2.contourArea(hull) / (system.camera.width * system.camera.height)
+    if cover < LEAST_COVER:
+        yield (
+            f"the points cover {100 * cover:.0f} % of the picture; beyond them the distortion "
+            f"is a guess, so bring the board to the picture's edges"
+        )
+    near, far = fit.poses[:, 5].min(), fit.poses[:, 5].max()
+    if far < system.z_min or near > system.z_max:  # a wrong square, which no +- knows of
+        yield (
+            f"the boards stand {near:.0f} to {far:.0f} mm away, outside the measuring range of "
+            f"{system.z_min:g} to {system.z_max:g} mm; is the size of the board right?"
+        )

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from array_api_compat import is_numpy_array
 
 from fpputil.decoding import phase, unwrap
 from fpputil.optics.fringes import Fringe
-
-BLOCK = 2048  # pixels whose sums stay in the first-level cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +68,16 @@ def decode(
     Returns
     -------
     Decoded
+
+    Examples
+    --------
+    >>> from fpputil.optics.fringes import fringe_set
+    >>> fringes = fringe_set((912, 114, 15), 4)
+    >>> column = np.array([[10.0, 400.0, 900.0]])
+    >>> frames = np.stack([f.intensity(column, n) for f in fringes for n in range(4)])
+    >>> decoded = decode(frames, fringes, 912)
+    >>> (decoded.Phi * 15 / (2 * np.pi)).round(6), decoded.wrapped.shape
+    (array([[ 10., 400., 900.]]), (3, 1, 3))
 
     Raises
     ------
@@ -132,6 +139,8 @@ def _by_equations(frames, fringes, pitches, width, threshold) -> Decoded:
 
 
 def _by_kernel(frames, fringes, pitches, start, threshold, out) -> Decoded:
+    from fpputil.decoding.kernel import sweep  # numba takes a third of a second
+
     shape = frames.shape[1:]
     if frames.dtype not in (np.uint8, np.uint16, np.float32):
         frames = frames.astype(np.float32)
@@ -149,7 +158,7 @@ def _by_kernel(frames, fringes, pitches, start, threshold, out) -> Decoded:
             f"{kinds[0][0]} and float32 are needed"
         )
     outputs = [a.reshape(*a.shape[:-2], -1) for a in _arrays(result)]
-    _kernel()(flat, steps, weights, ratios, np.float32(start), np.float32(threshold), *outputs)
+    sweep(flat, steps, weights, ratios, np.float32(start), np.float32(threshold), *outputs)
     return result
 
 
@@ -160,89 +169,3 @@ def _empty(pitches: int, shape) -> Decoded:
 
 def _arrays(result: Decoded) -> tuple[np.ndarray, ...]:
     return result.wrapped, result.modulation, result.Phi, result.mask
-
-
-@lru_cache(maxsize=1)
-def _kernel():
-    """Compile the kernel at its first use: importing numba costs a third of a second."""
-    import numba
-    from numba import float32 as f32
-
-    # atan(x) = x q(x^2) on [0, 1], a Chebyshev interpolant good to 1e-8.
-    nodes = (1 + np.cos(np.pi * (np.arange(9) + 0.5) / 9)) / 2
-    fit = np.polynomial.Polynomial.fit(
-        nodes, np.arctan(np.sqrt(nodes)) / np.sqrt(nodes), 8, domain=[0, 1], window=[0, 1]
-    )
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = (np.float32(c) for c in fit.coef)
-    pi, half_pi, two_pi = np.float32(np.pi), np.float32(np.pi / 2), np.float32(2 * np.pi)
-    tiny, nan, half = np.float32(1e-30), np.float32(np.nan), np.float32(0.5)
-    inverse = np.float32(1 / (2 * np.pi))
-
-    @numba.njit(inline="always", error_model="numpy")
-    def minus_atan2(M, D):
-        a, b = abs(M), abs(D)
-        x = min(a, b) / (max(a, b) + tiny)
-        s = x * x
-        r = c8
-        for c in (c7, c6, c5, c4, c3, c2, c1, c0):
-            r = r * s + c
-        r *= x
-        r = half_pi - r if a > b else r
-        r = pi - r if D < 0 else r
-        return -r if M > 0 else r
-
-    @numba.njit(parallel=True, error_model="numpy", cache=True, fastmath={"contract"})
-    def kernel(frames, steps, weights, ratios, start, threshold, wrapped, modulation, Phi, mask):
-        pixels = frames.shape[1]
-        last = len(steps) - 1
-        for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
-            low = block * BLOCK
-            size = min(BLOCK, pixels - low)
-            M, D, ref = np.empty(size, f32), np.empty(size, f32), np.empty(size, f32)
-            first = 0
-            for p in range(len(steps)):
-                M[:] = 0
-                D[:] = 0
-                end = first + steps[p]
-                thirds = first + steps[p] // 3 * 3
-                for n in range(first, thirds, 3):  # three frames a sweep: fewer trips to M and D
-                    s0, s1, s2 = weights[0, n], weights[0, n + 1], weights[0, n + 2]
-                    c0, c1, c2 = weights[1, n], weights[1, n + 1], weights[1, n + 2]
-                    f0 = frames[n, low : low + size]
-                    f1 = frames[n + 1, low : low + size]
-                    f2 = frames[n + 2, low : low + size]
-                    for i in range(size):
-                        a, b, c = f32(f0[i]), f32(f1[i]), f32(f2[i])
-                        M[i] += s0 * a + s1 * b + s2 * c
-                        D[i] += c0 * a + c1 * b + c2 * c
-                for n in range(thirds, end):
-                    s0, c0 = weights[0, n], weights[1, n]
-                    f0 = frames[n, low : low + size]
-                    for i in range(size):
-                        a = f32(f0[i])
-                        M[i] += s0 * a
-                        D[i] += c0 * a
-                first = end
-                phi, amplitude = wrapped[p, low : low + size], modulation[p, low : low + size]
-                for i in range(size):
-                    phi[i] = minus_atan2(M[i], D[i])
-                    amplitude[i] = np.sqrt(M[i] * M[i] + D[i] * D[i])
-                if p == 0:
-                    for i in range(size):
-                        ref[i] = phi[i] - two_pi * np.floor((phi[i] - start) * inverse)
-                else:
-                    ratio = ratios[p]
-                    for i in range(size):
-                        K = np.floor((ratio * ref[i] - phi[i]) * inverse + half)
-                        ref[i] = phi[i] + two_pi * K
-            amplitude = modulation[last, low : low + size]
-            for i in range(size):
-                seen = amplitude[i] > threshold
-                mask[low + i] = seen
-                Phi[low + i] = ref[i] if seen else nan
-            for p in range(len(steps)):
-                phi = wrapped[p, low : low + size]
-                for i in range(size):
-                    phi[i] = phi[i] if mask[low + i] else nan
-
-    return kernel

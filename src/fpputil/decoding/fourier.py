@@ -36,6 +36,12 @@ def carrier(system: System, pitch: float, z: float | None = None) -> np.ndarray:
     -------
     (H, W) float64 array
         Radians. Beyond the borders of the projector it goes on as if there were columns.
+
+    Examples
+    --------
+    >>> from fpputil.optics.system import preset
+    >>> carrier(preset("tiny").system, 24)[60, [0, 40, 80]].round(1)
+    array([ -5.9,  55.6, 119.2])
     """
     positive("pitch", pitch, "projector pixels")
     z = (system.z_min + system.z_max) / 2 if z is None else positive("z", z, "millimetres")
@@ -81,6 +87,13 @@ def fourier_phase(photograph, Phi_carrier, mask=None, width: float = 1.0, shift:
     Only fringes whose frequency stays within the window count: the surface may bend them by
     less than `width` times the carrier. A pitch with few periods across the object has no such
     room, and the phase returned is little more than the carrier's.
+
+    Examples
+    --------
+    >>> Phi = 2 * np.pi / 8 * np.arange(64) * np.ones((64, 1))  # 8 pixels a period
+    >>> phi = fourier_phase(100 + 50 * np.cos(Phi + 0.3), Phi)
+    >>> float(phi[32, 32].round(3))
+    0.3
     """
     image, Phi, mask = _checked(photograph, Phi_carrier, mask)
     lowpass = _window(Phi, mask, positive("width", width))

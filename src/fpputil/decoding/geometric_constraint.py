@@ -47,6 +47,15 @@ def minimum_phase(
     Notes
     -----
     Points outside the measuring range may get a wrong order without a sign of it.
+
+    Examples
+    --------
+    >>> from fpputil.optics.system import preset
+    >>> tiny = preset("tiny").system
+    >>> Phi_min = minimum_phase(tiny, 304)
+    >>> phi = 2 * np.pi * tiny.columns_at(650.0) / 304  # of a plane within the range
+    >>> bool(0 < (phi - Phi_min)[60, 80] < 2 * np.pi)
+    True
     """
     positive("pitch", pitch, "projector pixels")
     near, far = (_phase_at(system, z, pitch) for z in (system.z_min, system.z_max))
@@ -74,6 +83,12 @@ def depth_range(system: System, pitch: float, z: float) -> np.ndarray:
     (H, W) float64 array
         Infinite where the column never moves by a whole pitch. Whether the projector lights
         the pixel at all is not asked.
+
+    Examples
+    --------
+    >>> from fpputil.optics.system import preset
+    >>> float(depth_range(preset("tiny").system, 114, 480.0)[60, 40].round(1))
+    279.5
     """
     start = system.columns_at(z)
     way = np.sign(system.columns_at(z + 1) - start)
@@ -90,6 +105,11 @@ def zmin_order(phi_z, Phi_min):
         Wrapped phase of the low pitch, radians.
     Phi_min : (...) array
         Minimum phase of that pitch, radians.
+
+    Examples
+    --------
+    >>> zmin_order(np.array([-1.0, 1.0]), np.array([5.0, 5.0]))
+    array([1., 1.])
     """
     return array_namespace(phi_z, Phi_min).ceil((Phi_min - phi_z) / TWO_PI)
 
@@ -111,6 +131,12 @@ def refined_reference(Phi_t, K_z, pitch_t: float, pitch_z: float):
     phi_r, M_r, D_r : (...) arrays
         ``phi_r = Phi_t pitch_t / pitch_z - 2 pi K_z``, ``M_r = -sin(phi_r)``,
         ``D_r = cos(phi_r)``. K_z is whole, so it does not affect M_r and D_r.
+
+    Examples
+    --------
+    >>> phi_r, M_r, D_r = refined_reference(np.array([8.0]), np.array([0.0]), 114, 304)
+    >>> phi_r, float((M_r**2 + D_r**2)[0].round(6))
+    (array([3.]), 1.0)
     """
     xp = array_namespace(Phi_t, K_z)
     phi_r = absolute_phase(Phi_t * (pitch_t / pitch_z), -K_z)
@@ -133,6 +159,13 @@ def two_phase_absolute(phi_h, phi_z, Phi_min, pitch_h: float, pitch_z: float):
     -------
     (...) array
         Phi of the high pitch, radians.
+
+    Examples
+    --------
+    >>> column, Phi_min = np.array([500.0]), np.array([8.0])
+    >>> phi_h, phi_z = (np.angle(np.exp(2j * np.pi * column / p)) for p in (24, 304))
+    >>> (two_phase_absolute(phi_h, phi_z, Phi_min, 24, 304) * 24 / TWO_PI).round(6)
+    array([500.])
     """
     Phi_z = absolute_phase(phi_z, zmin_order(phi_z, Phi_min))
     return absolute_phase(phi_h, fringe_order(phi_h, Phi_z, pitch_z / pitch_h))

@@ -26,6 +26,11 @@ def phase_sigma(noise, modulation, steps: int):
     -------
     float or array
         Radians; the closed form holds to first order in noise over modulation.
+
+    Examples
+    --------
+    >>> float(phase_sigma(noise=2, modulation=80, steps=15).round(5))
+    0.00913
     """
     return np.sqrt(2 / steps) * np.asarray(noise) / np.asarray(modulation)
 
@@ -44,6 +49,11 @@ def phase_density(error, sigma: float):
     -------
     (...) array
         Density per radian. For small `sigma` it tends to the normal law of that width.
+
+    Examples
+    --------
+    >>> phase_density([0.0, 0.1], sigma=0.1).round(3)
+    array([3.989, 2.412])
     """
     error = np.asarray(error, np.float64)
     along = np.cos(error) / sigma
@@ -80,6 +90,11 @@ def order_error_rate(noise: float, modulation: float, steps, pitches, points: in
     ------
     ValueError
         If noise or modulation is not positive, or steps and pitches do not pair or descend.
+
+    Examples
+    --------
+    >>> round(order_error_rate(noise=4, modulation=60, steps=15, pitches=(912, 15)), 4)
+    0.0339
     """
     positive("noise", noise, "grey levels")
     positive("modulation", modulation, "grey levels")

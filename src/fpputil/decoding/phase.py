@@ -30,6 +30,13 @@ def numerator_denominator(frames):
     ------
     ValueError
         If there are fewer than 3 frames, mixed sizes or dtypes, or NaN.
+
+    Examples
+    --------
+    >>> frames = [128 + 50 * np.cos(0.5 + 2 * np.pi * n / 4) * np.ones((2, 3)) for n in range(4)]
+    >>> M, D = numerator_denominator(frames)
+    >>> float(wrapped_phase(M, D)[0, 0].round(6)), float(modulation(M, D, 4)[0, 0].round(6))
+    (0.5, 50.0)
     """
     frames = _floats(check_frames(frames))
     xp = array_namespace(frames)
@@ -41,17 +48,29 @@ def numerator_denominator(frames):
 
 
 def wrapped_phase(M, D):
-    """phi = -atan2(M, D) in radians, between -pi and pi (Eq. 3). Chapter 3."""
+    """phi = -atan2(M, D) in radians, between -pi and pi (Eq. 3). Chapter 3.
+
+    >>> wrapped_phase(np.array([-1.0, 0.0]), np.array([0.0, -1.0])).round(3)
+    array([ 1.571, -3.142])
+    """
     return -array_namespace(M, D).atan2(M, D)
 
 
 def modulation(M, D, steps: int):
-    """I'' = 2/N sqrt(M^2 + D^2), grey levels (Eq. 16). Chapter 3."""
+    """I'' = 2/N sqrt(M^2 + D^2), grey levels (Eq. 16). Chapter 3.
+
+    >>> modulation(np.array([30.0]), np.array([40.0]), steps=4)
+    array([25.])
+    """
     return 2 / steps * array_namespace(M, D).sqrt(M**2 + D**2)
 
 
 def average(frames):
-    """I', the mean of the frames over the steps: the picture without fringes (Eq. 2)."""
+    """I', the mean of the frames over the steps: the picture without fringes (Eq. 2).
+
+    >>> average(np.array([[10, 20], [30, 40], [50, 60]], np.uint8))
+    array([30., 40.])
+    """
     frames = _floats(check_frames(frames))
     return array_namespace(frames).mean(frames, axis=0)
 

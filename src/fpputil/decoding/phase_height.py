@@ -47,6 +47,13 @@ def fit_phase_height(Phi: np.ndarray, heights, degree: int = 1) -> PhaseHeight:
     ------
     ValueError
         If there are fewer planes than coefficients.
+
+    Examples
+    --------
+    >>> Phi = np.array([1.0, 2.0, 3.0])[:, None, None] * np.ones((2, 2))  # of three planes
+    >>> model = fit_phase_height(Phi, [600, 650, 700])
+    >>> float(model.height(np.full((2, 2), 2.5))[0, 0].round(6))
+    675.0
     """
     heights, Phi = np.asarray(heights, np.float64), np.asarray(Phi, np.float64)
     if not np.isfinite(heights).all():

@@ -15,7 +15,13 @@ from fpputil.optics.shapes import check_mesh
 
 
 def point_cloud(points: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
-    """The finite points of (H, W, 3) inside the mask as (P, 3), mm, in row order."""
+    """The finite points of (H, W, 3) inside the mask as (P, 3), mm, in row order.
+
+    >>> points = np.ones((4, 5, 3))
+    >>> points[0, 0] = np.nan
+    >>> point_cloud(points).shape
+    (19, 3)
+    """
     keep = np.isfinite(points).all(axis=-1)
     keep = keep if mask is None else keep & np.asarray(mask, bool)
     if not keep.any():
@@ -32,6 +38,12 @@ def surface(points: np.ndarray, max_edge: float = np.inf) -> trimesh.Trimesh:
         mm; NaN pixels are left out.
     max_edge : float
         Triangles with a longer edge, mm, are dropped: they bridge a step in depth.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(3.0), np.arange(4.0))
+    >>> len(surface(np.stack([x, y, 600 + 0 * x], -1)).faces)
+    12
     """
     h, w = points.shape[:2]
     pixel = np.arange(h * w).reshape(h, w)
@@ -61,6 +73,14 @@ def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = Non
         Coordinates in mm.
     colours : (P, 3) uint8 array, optional
         Of the points.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_ply(folder + "/cloud.ply", np.eye(3))
+    ...     trimesh.load(folder + "/cloud.ply").vertices.shape
+    (3, 3)
     """
     path = Path(path)
     if path.suffix != ".ply":
@@ -93,10 +113,14 @@ class Sphere:
 def fit_sphere(points: np.ndarray) -> Sphere:
     """Least-squares sphere through points (P, 3), mm, by distance. Chapter 6.
 
-    Raises
-    ------
-    ValueError
-        If there are fewer than 4 points, or they lie in a plane.
+    Fewer than 4 points, or points in a plane, are refused. (`trimesh.nsphere.fit_nsphere`
+    minimises squared radii, not distances.)
+
+    >>> directions = np.random.default_rng(0).normal(size=(100, 3))
+    >>> points = 100 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    >>> sphere = fit_sphere(points + (0, 0, 660))
+    >>> round(sphere.radius, 6), sphere.centre.round(6) + 0
+    (100.0, array([  0.,   0., 660.]))
     """
     points = _finite_points(points, 4)
     middle = points.mean(axis=0)
@@ -120,7 +144,13 @@ class Plane:
 
 
 def fit_plane(points: np.ndarray) -> Plane:
-    """Least-squares plane ``normal . x = distance`` through points (P, 3), mm. Chapter 6."""
+    """Least-squares plane ``normal . x = distance`` through points (P, 3), mm. Chapter 6.
+
+    >>> x, y = np.meshgrid(np.arange(5.0), np.arange(4.0))
+    >>> plane = fit_plane(np.stack([x, y, 600 + 0 * x], -1).reshape(-1, 3))
+    >>> plane.normal.round(6) + 0, round(plane.distance, 6)
+    (array([0., 0., 1.]), 600.0)
+    """
     points = _finite_points(points, 3)
     middle = points.mean(axis=0)
     _, values, axes = np.linalg.svd(points - middle, full_matrices=False)

@@ -8,7 +8,11 @@ from fpputil.optics.system import System
 
 
 def column(Phi, pitch: float):
-    """Projector column of an absolute phase: i = Phi pitch / 2 pi, pixels (Eq. 5)."""
+    """Projector column of an absolute phase: i = Phi pitch / 2 pi, pixels (Eq. 5).
+
+    >>> column(np.array([0.0, 2 * np.pi]), 24)
+    array([ 0., 24.])
+    """
     return Phi * (pitch / (2 * np.pi))
 
 
@@ -33,6 +37,14 @@ def triangulate(column: np.ndarray, system: System) -> np.ndarray:
     ------
     ValueError
         If the column map does not have the camera's size.
+
+    Examples
+    --------
+    >>> from fpputil.optics.system import preset
+    >>> system = preset("tiny").system
+    >>> points = triangulate(system.columns_at(650.0), system)
+    >>> points.shape, round(float(depth_of(points, system)[60, 80]), 6)
+    ((120, 160, 3), 650.0)
     """
     camera, projector = system.camera, system.projector
     column = np.asarray(column, np.float64)

@@ -7,6 +7,7 @@ projector pixels. All but `nt_tpu` and `spatial` work on NumPy arrays and torch 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +19,20 @@ TWO_PI = 2 * math.pi
 
 
 def wrap(phase):
-    """Phase modulo 2 pi, in (-pi, pi]."""
+    """Phase modulo 2 pi, in (-pi, pi].
+
+    >>> wrap(np.array([0.5, 7.0])).round(3)
+    array([0.5  , 0.717])
+    """
     return phase - TWO_PI * array_namespace(phase).ceil((phase - math.pi) / TWO_PI)
 
 
 def absolute_phase(phi, K):
-    """Phi = phi + 2 pi K (Eq. 4)."""
+    """Phi = phi + 2 pi K (Eq. 4).
+
+    >>> absolute_phase(np.array([0.5]), 3).round(3)
+    array([19.35])
+    """
     return phi + TWO_PI * K
 
 
@@ -38,6 +47,13 @@ def fringe_order(phi, Phi_ref, ratio: float):
         Absolute phase of the longer pitch, radians.
     ratio : float
         Longer over shorter pitch (Eq. 5).
+
+    Examples
+    --------
+    >>> Phi_ref = 2 * np.pi * np.array([10.0, 400.0]) / 912  # columns 10 and 400 at pitch 912
+    >>> phi = wrap(2 * np.pi * np.array([10.0, 400.0]) / 15)  # and at pitch 15
+    >>> fringe_order(phi, Phi_ref, 912 / 15)
+    array([ 1., 27.])
     """
     return array_namespace(phi, Phi_ref).round((ratio * Phi_ref - phi) / TWO_PI)
 
@@ -47,12 +63,10 @@ def unit_phase(phi, pitch: float, width: float):
 
     Pixel centres are at integers, so the projector spans columns -0.5 to width - 0.5. The phase
     is taken into the period centred on that span: [-pi/width, 2 pi - pi/width) if the pitch
-    equals the width.
+    equals the width. A shorter pitch is refused: its phase would be ambiguous.
 
-    Raises
-    ------
-    ValueError
-        If the pitch is shorter than the width: the phase would be ambiguous.
+    >>> unit_phase(np.array([-3.0, -0.5, 3.0]), 912, 912).round(3)
+    array([3.283, 5.783, 3.   ])
     """
     start = unit_start(pitch, width)
     return phi - TWO_PI * array_namespace(phi).floor((phi - start) / TWO_PI)
@@ -79,6 +93,11 @@ def guard_columns(sigma_phi: float, width: float) -> float:
         Phase noise of the unit frequency, radians.
     width : float
         Projector columns.
+
+    Examples
+    --------
+    >>> round(guard_columns(0.02, 912), 1)
+    14.5
     """
     return 5 * not_negative("sigma_phi", sigma_phi, "radians") * width / TWO_PI
 
@@ -104,16 +123,27 @@ def mf_tpu(phis, pitches, width: float):
     ------
     ValueError
         If the numbers differ, the pitches do not descend, or the first is too short.
+
+    Examples
+    --------
+    >>> pitches = (912, 114, 15)
+    >>> phis = [wrap(2 * np.pi * np.array([10.0, 400.0]) / p) for p in pitches]
+    >>> (mf_tpu(phis, pitches, 912)[-1] * 15 / TWO_PI).round(6)
+    array([ 10., 400.])
     """
     check_pitches(phis, pitches)
     Phi = [unit_phase(phis[0], pitches[0], width)]
-    for phi, longer, pitch in zip(phis[1:], pitches, pitches[1:], strict=False):
+    for phi, longer, pitch in zip(phis[1:], pitches[:-1], pitches[1:], strict=True):
         Phi.append(absolute_phase(phi, fringe_order(phi, Phi[-1], longer / pitch)))
     return Phi
 
 
 def beat(a: float, b: float) -> float:
-    """Pitch of the beat of two pitches a < b: a b / (b - a), projector pixels. Chapter 4."""
+    """Pitch of the beat of two pitches a < b: a b / (b - a), projector pixels. Chapter 4.
+
+    >>> beat(14, 15)
+    210.0
+    """
     return a * b / (b - a)
 
 
@@ -122,6 +152,7 @@ def mw_tpu(phis, pitches, width: float):
 
     The difference of two wrapped phases is the phase of their beat. Beats of beats are formed
     until one remains; it must cover the projector, and unwraps its parents, and they theirs.
+    Pitches that do not ascend, or whose last beat is too short, are refused.
 
     Parameters
     ----------
@@ -137,13 +168,25 @@ def mw_tpu(phis, pitches, width: float):
     list of P (...) arrays
         Absolute phases, radians, in the order given.
 
-    Raises
-    ------
-    ValueError
-        If the numbers differ, the pitches do not ascend, or their last beat does not cover
-        the projector.
+    Examples
+    --------
+    >>> pitches = (14, 15, 16)
+    >>> phis = [wrap(2 * np.pi * np.array([10.0, 400.0]) / p) for p in pitches]
+    >>> (mw_tpu(phis, pitches, 912)[0] * 14 / TWO_PI).round(6)
+    array([ 10., 400.])
     """
-    return by_beats(phis, pitches, width)[0].Phis
+    check_pitches(phis, pitches, "ascend")
+    if len(phis) == 1:
+        return [unit_phase(phis[0], pitches[0], width)]
+    beats = [beat(a, b) for a, b in pairwise(pitches)]
+    order = np.argsort(beats).tolist()
+    differences = [wrap(phis[j] - phis[j + 1]) for j in order]
+    try:  # of the beats the shortest carries the least noise
+        Phi_ref = mw_tpu(differences, [beats[j] for j in order], width)[0]
+    except ValueError as error:
+        raise ValueError(f"pitches {list(pitches)} given; of their beats: {error}") from error
+    pairs = zip(phis, pitches, strict=True)
+    return [absolute_phase(phi, fringe_order(phi, Phi_ref, min(beats) / p)) for phi, p in pairs]
 
 
 class Level(NamedTuple):
@@ -209,6 +252,12 @@ def nt_tpu(phis, pitches, width: int):
     -------
     list of two (...) arrays
         Absolute phases, radians; NaN where no pair of orders gives the number.
+
+    Examples
+    --------
+    >>> phis = [wrap(2 * np.pi * np.array([10.0, 400.0]) / p) for p in (28, 45)]
+    >>> (nt_tpu(phis, (28, 45), 912)[0] * 28 / TWO_PI).round(6)
+    array([ 10., 400.])
     """
     if len(phis) != 2 or len(pitches) != 2 or any(int(p) != p or p < 1 for p in pitches):
         raise ValueError(
@@ -265,14 +314,23 @@ def spatial(phi, mask):
     -------
     (H, W) float64 array
         NaN outside the mask.
+
+    Examples
+    --------
+    >>> Phi = np.linspace(0, 8, 12).reshape(3, 4)
+    >>> bool((spatial(wrap(Phi), np.ones((3, 4))) - Phi).std() < 1e-6)
+    True
     """
     from skimage.restoration import unwrap_phase
 
-    seen = np.asarray(mask, bool) & np.isfinite(phi)
-    if not seen.any():
+    valid = np.asarray(mask, bool) & np.isfinite(phi)
+    if not valid.any():
         raise ValueError("empty mask given; spatial unwrapping needs at least one finite pixel")
-    hidden = np.ma.array(np.where(seen, phi, 0), mask=~seen)
+    hidden = np.ma.array(np.where(valid, phi, 0), mask=~valid)
     return np.ma.filled(unwrap_phase(hidden, rng=0).astype(np.float64), np.nan)
+
+
+TEMPORAL = {"mf": mf_tpu, "mw": mw_tpu, "nt": nt_tpu}  # by the names of pattern files
 
 
 def check_pitches(phis, pitches, order: str = "descend") -> None:
