@@ -10,9 +10,8 @@ from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.experiments.recipes import recipe, sized
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.evaluation import evaluate, open_split
-from fpputil.learning.run import plain
 from fpputil.learning.training import fit
-from fpputil.learning.weights import load_weights
+from fpputil.learning.weights import load_weights, plain
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import (
