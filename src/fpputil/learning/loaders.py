@@ -31,9 +31,9 @@ class Batches(Sampler):
     Examples
     --------
     >>> list(Batches(5, 2, seed=0))
-    [[2, 0], [1, 4]]
+    [[2, 4], [3, 0]]
     >>> list(Batches(5, 2, seed=0, rank=1, ranks=2))
-    [[0], [4]]
+    [[4], [0]]
     """
 
     def __init__(self, number: int, size: int, seed: int, rank: int = 0, ranks: int = 1):
