@@ -25,7 +25,7 @@ ALIKE = 0.97  # correlation of photographs of one pitch
 
 @dataclass(frozen=True, eq=False)
 class CheckedPhotographs:
-    """What a prediction starts from; `photographs` makes it.
+    """What a prediction starts from; `check_photographs` makes it.
 
     Frames (F, H, W) in grey levels 0 to 255, the frequency of each by name, what is known about
     the network, and the projector columns (H, W) on the plane in the middle of the range.
@@ -158,11 +158,8 @@ def predict(
 def warnings(photographs: CheckedPhotographs) -> list[str]:
     """What is unlike the photographs of the training, in sentences."""
     mask = fringes_seen(photographs)
-    return [
-        *_odd_size(photographs),
-        *_odd_levels(photographs, mask),
-        *_odd_pitches(photographs, mask),
-    ]
+    levels, pitches = _odd_levels(photographs, mask), _odd_pitches(photographs, mask)
+    return list(dict.fromkeys([*_odd_size(photographs), *levels, *pitches]))
 
 
 def _odd_size(photographs) -> Iterator[str]:
@@ -197,9 +194,9 @@ def _odd_pitches(photographs, mask) -> Iterator[str]:
     """Photographs that show the same fringes, or the finer where the coarser belong."""
     axis, names, pitches = photographs.axis, photographs.names, photographs.pitches
     pairs = np.delete(mask, 0, axis) & np.delete(mask, -1, axis)
-    # Mean step from pixel to pixel over contrast: the finer the fringes, the greater.
+    # Steps from pixel to pixel over contrast: the finer the fringes, the greater.
     fineness = [
-        np.abs(np.diff(frame, axis=axis))[pairs].mean() / frame[mask].std()
+        np.abs(np.diff(frame, axis=axis))[pairs].sum() / max(frame[mask].std(), 1e-6)
         for frame in photographs.frames
     ]
     for j, k in combinations(range(len(names)), 2):
