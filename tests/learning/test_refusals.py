@@ -95,18 +95,18 @@ def cut_config(out):
     (out / CONFIG).write_bytes((out / CONFIG).read_bytes()[:-7])
 
 
-def log_alone(out):
-    (out / CHECKPOINT).unlink()
-    (out / "weights.safetensors").unlink()
+def no_config(out):
+    (out / CONFIG).unlink()
 
 
 @pytest.mark.parametrize(
     "change, resume, words",
     [
-        (None, False, "holds checkpoint.safetensors of a run already; resume it"),
-        (log_alone, False, "holds log.csv of a run already; resume it, or name another folder"),
+        (None, False, "holds a run already; resume it, or name another folder"),
+        (no_config, False, "holds checkpoint.safetensors of a run without its config.json; name"),
+        (no_config, True, "holds checkpoint.safetensors of a run without its config.json; name"),
         (file, False, "is a file; a run needs a folder"),
-        (missing, True, "config.json is not there; no run to resume"),
+        (missing, True, "run is not there; no run to resume"),
         (cut_checkpoint, True, f"{CHECKPOINT} is cut"),
         (cut_config, True, f"{CONFIG} is cut"),
     ],

@@ -266,9 +266,16 @@ def claim(out: Path, config: dict, resume: bool) -> None:
     """
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out} is a file; a run needs a folder")
-    if resume:
-        if not (out / CONFIG).is_file():
-            raise FileNotFoundError(f"{out / CONFIG} is not there; no run to resume")
+    if resume and not out.is_dir():
+        raise FileNotFoundError(f"{out} is not there; no run to resume")
+    left = [name for name in (CHECKPOINT, WEIGHTS, "log.csv") if (out / name).exists()]
+    if left and not (out / CONFIG).is_file():
+        raise ValueError(
+            f"{out} holds {left[0]} of a run without its config.json; name another folder"
+        )
+    if left and not resume:
+        raise ValueError(f"{out} holds a run already; resume it, or name another folder")
+    if resume and (out / CONFIG).is_file():
         try:
             saved = json.loads((out / CONFIG).read_bytes())
         except ValueError as error:
@@ -280,10 +287,6 @@ def claim(out: Path, config: dict, resume: bool) -> None:
                 "with the settings and data it began with"
             )
         return
-    if left := [name for name in (CHECKPOINT, WEIGHTS, "log.csv") if (out / name).exists()]:
-        raise ValueError(
-            f"{out} holds {left[0]} of a run already; resume it, or name another folder"
-        )
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / CONFIG, f"{json.dumps(config, indent=1)}\n".encode())
 
