@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from safetensors.torch import load_file
 
 from fpputil.cli import main
+from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.experiments.recipes import CAMERA
 from fpputil.learning.checkpoint import read_state
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.log import read_log
@@ -30,6 +30,7 @@ from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod
 
 METHOD = SFNetMethod(base=2, levels=2)
+CAMERA = Augmentation(gain=(0.8, 1.2), noise=(0.0, 1.0))
 SHORT = TrainingConfig(
     epochs=2,
     batch=5,
@@ -236,7 +237,8 @@ def test_a_finished_run_is_resumed_to_what_it_was(whole, small_set):
     """What is derived from the checkpoint is made anew where it is missing."""
     settings, out, trained, history = whole
     before = {name: (out / name).read_bytes() for name in FILES if name != "curve.png"}
-    for name in ("log.csv", "curve.png"):
+    best = min(history, key=lambda row: row["validation_mae"])["epoch"]
+    for name in ("log.csv", "curve.png", *([WEIGHTS] if best == len(history) else [])):
         (out / name).unlink()
     again, repeated = fit(METHOD, small_set, settings, out, resume=True)
     assert repeated == history and same(again.network, trained.network)
@@ -453,26 +455,3 @@ def test_a_part_of_the_views(small_set):
         settings = replace(SHORT, epochs=1, training_views=views, batch=3)
         _, (row,) = fit(METHOD, small_set, settings)
         assert row["images"] == images
-
-
-CHANGES = [
-    ({"settings": {"learning_rate": 0.007}}, "learning_rate", "0.003", "0.007"),
-    ({"settings": {"epochs": 77}}, "epochs", "2", "77"),
-    ({"settings": {"augmentation": replace(CAMERA, noise=(0.0, 3.5))}}, "noise", "1.0", "3.5"),
-    ({"settings": {"precision": "bfloat16"}}, "precision", "float32", "bfloat16"),
-    ({"method": {"base": 3}}, "base", "2", "3"),
-    ({"method": {"weights": Weights(order=False)}}, "order", "True", "False"),
-]
-
-
-@pytest.mark.parametrize("changes, name, old, new", CHANGES)
-def test_a_run_is_resumed_with_its_own_settings_alone(whole, small_set, changes, name, old, new):
-    """The message names the setting, both values, and nothing that agrees."""
-    settings, out, *_ = whole
-    method = replace(METHOD, **changes.get("method", {}))
-    settings = replace(settings, **changes.get("settings", {}))
-    with pytest.raises(ValueError, match="a run is resumed with") as error:
-        fit(method, small_set, settings, out, resume=True)
-    said = str(error.value)
-    assert name in said and old in said and new in said
-    assert "max_grad_norm" not in said and "dropout" not in said

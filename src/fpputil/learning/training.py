@@ -54,8 +54,9 @@ def fit(
         Folder for config.json, checkpoint.safetensors (of the last epoch), weights.safetensors
         (16 bit, of the epoch with the least validation MAE), log.csv and curve.png.
     resume : bool
-        Go on with the run in `out` after its last epoch; float32 weights end as if it had never
-        stopped, on the same kind of device with as many threads.
+        Go on with the run in `out` after its last epoch: Ctrl-C, SIGTERM and power cuts lose the
+        epoch under way. Float32 weights end as if it had never stopped, on the same kind of
+        device with as many threads.
     start : Trained, optional
         A network of the same method to begin with, instead of random weights.
     workers : int
@@ -112,15 +113,19 @@ def fit(
             "start": None if start is None else checksum(start.network),
             "processes": group.size,
         }
-        history = []
-        if out is not None and group.rank == 0:
+        history, writes = [], out is not None and group.rank == 0
+
+        def as_trained() -> Trained:
+            return trained_of(method, network, geometry, config, history, group)
+
+        if writes:
             claim(out, config, resume)
         if resume and (out / CHECKPOINT).is_file():
             state = restore(out / CHECKPOINT, network, optimiser)
             schedule.load_state_dict(state["schedule"])
             history = state["history"]
-            if group.rank == 0:
-                write_log(out, history)  # which the end of the process may have forestalled
+            if writes:  # the process may have ended before it could
+                write_derived(out, as_trained(), history)
         model = DistributedDataParallel(network) if group.size > 1 else network
 
         images = len(batches) * min(settings.batch, len(data))  # of an epoch
@@ -167,7 +172,6 @@ def fit(
                 _require_finite("the network answers with", mae, f"after epoch {epoch + 1}")
                 means = group.total(*(sums[k] for k in sorted(sums)))
                 means = [total / group.size / len(batches) for total in means]
-                best = min((row["validation_mae"] for row in history), default=math.inf)
                 row = {
                     "epoch": epoch + 1,
                     "images": images * (epoch + 1),
@@ -182,15 +186,12 @@ def fit(
                     schedule.step(mae)
                 bar.set_postfix({"loss": f"{row['total']:.3f}", "validation MAE": f"{mae:.3f}"})
 
-                # Keep the best, checkpoint, log.
-                if out is not None and group.rank == 0:
-                    if mae < best:
-                        kept = trained_of(method, network, geometry, config, history, group)
-                        save_weights(out / WEIGHTS, kept)
+                # Checkpoint, keep the best, log.
+                if writes:
                     state = {"schedule": plain(schedule.state_dict()), "history": history}
                     save_checkpoint(out / CHECKPOINT, network, optimiser, state)
-                    write_log(out, history)
-        return trained_of(method, network, geometry, config, history, group), history
+                    write_derived(out, as_trained(), history)
+        return as_trained(), history
 
 
 @torch.no_grad()
@@ -227,6 +228,13 @@ def optimiser_of(network: nn.Module, settings: TrainingConfig, steps: int):
     # torch counts the epochs it lets pass, not the one after which it acts
     patience = settings.plateau_patience - 1
     return optimiser, ReduceLROnPlateau(optimiser, factor=0.5, patience=patience, threshold=0.0)
+
+
+def write_derived(out: Path, trained: Trained, history: list[dict]) -> None:
+    """Write what follows from a checkpoint: the weights if they are the best so far, the log."""
+    if epochs_since_best(history) == 0:
+        save_weights(out / WEIGHTS, trained)
+    write_log(out, history)
 
 
 def epochs_since_best(history: list[dict]) -> int:
