@@ -410,16 +410,24 @@ def test_a_network_that_answers_nan_is_not_kept(small_set, monkeypatch, tmp_path
     assert len(read_state(tmp_path / CHECKPOINT)["history"]) == 1
 
 
-def test_a_log_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp_path):
-    def full(out, history):
+@pytest.mark.parametrize("fails", ["save_weights", "write_log"])
+def test_a_file_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp_path, fails):
+    """Weights and log follow from the checkpoint, which is written first."""
+    undisturbed, stopped = tmp_path / "a", tmp_path / "b"
+    fit(METHOD, small_set, replace(QUICK, epochs=1), undisturbed)
+
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("fpputil.learning.training.write_log", full)
+        patched.setattr(f"fpputil.learning.training.{fails}", full)
         with pytest.raises(OSError, match="No space left"):
-            fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path)
-    _, history = fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path, resume=True)
-    assert read_log(tmp_path / "log.csv") == history and len(history) == 2
+            fit(METHOD, small_set, replace(QUICK, epochs=1), stopped)
+    before = (stopped / CHECKPOINT).read_bytes()
+    _, history = fit(METHOD, small_set, replace(QUICK, epochs=1), stopped, resume=True)
+    assert (stopped / CHECKPOINT).read_bytes() == before
+    assert read_log(stopped / "log.csv") == history and len(history) == 1
+    assert (stopped / WEIGHTS).read_bytes() == (undisturbed / WEIGHTS).read_bytes()
 
 
 def test_a_rate_far_too_high_ends_the_run(small_set):
