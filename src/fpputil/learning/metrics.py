@@ -98,7 +98,17 @@ class Score:
     Parameters
     ----------
     models : dict
-        For each model, of each kind of error: number, sum of ``|e|``, sum of squares, histogram.
+        For each model, of each kind of error: number, number of the finite, sum of ``|e|``, sum
+        of squares, and of rad and mm a histogram over `BINS`.
+
+    Examples
+    --------
+    >>> no = np.zeros(2, bool)
+    >>> marks = dict.fromkeys(("insensitive", "order", "spike", "own_spike"), no)
+    >>> score = Score()
+    >>> score.add(7, {"rad": np.array([0.1, -0.3]), "mm": np.array([0.0, 1.0]), **marks})
+    >>> [round(value, 2) for value in score.summary(draws=10)["mae_rad"]]
+    [0.2, 0.2, 0.2]
     """
 
     models: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)

@@ -71,7 +71,14 @@ class DepthPrediction:
 
 
 def expected_photographs(trained: Trained) -> list[str]:
-    """The photographs that a network wants, in order and in words."""
+    """The photographs that a network wants, in order and in words.
+
+    >>> from fpputil.networks import SFNetMethod
+    >>> made_for = {"camera": [120, 160], "extremes": [0, 251]}
+    >>> made_for["pitches"] = {"high": 24, "mid": 114, "zmin": 304, "unit": 912}
+    >>> expected_photographs(Trained(SFNetMethod(), None, made_for))
+    ['pitch 24 (high), step 0 of 15', 'pitch 304 (zmin), step 0 of 15']
+    """
     if lacking := {"pitches", "camera", "extremes"} - set(trained.metadata):
         raise ValueError(f"these weights do not say for which {min(lacking)} they are")
     pitches, shots = trained.metadata["pitches"], trained.method.photographs
