@@ -62,7 +62,7 @@ def bench_training(repeats: int = 15) -> dict:
 def bench_measuring(base: int = 16, repeats: int = 7) -> dict:
     """Two photographs of 640 x 480 to an absolute phase, against forty-five."""
     p = preset("paper")
-    geometry = Geometry.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
+    geometry = Geometry.of(p.system, p.pitches)
     method = SFNetMethod(base=base)
     network = method.network().to(memory_format=torch.channels_last).eval()
     trained = [Trained(method, lowered(network, dtype)) for dtype in PRECISIONS.values()]

@@ -22,7 +22,7 @@ from fpputil.optics.system import preset
 def prepared(name: str):
     """What measures one set of photographs by a method, its weights random."""
     p = preset("paper")
-    geometry = Geometry.of(p.system, {k: getattr(p, k) for k in ("high", "mid", "zmin", "unit")})
+    geometry = Geometry.of(p.system, p.pitches)
     method = methods("paper")[name]
     torch.manual_seed(0)
     trained = Trained(method, method.network().to(memory_format=torch.channels_last).eval())
@@ -41,17 +41,17 @@ def bench_rivals(repeats: int = 5) -> dict:
     """Of each method seconds in 32 bit, its ratio to SFNet's, and MiB of memory on top."""
     ways = {name: prepared(name) for name in METHODS}
     seconds = median_seconds(*(act for _, act in ways.values()), repeats=repeats)
-    found = {"threads": torch.get_num_threads()}
+    result = {"threads": torch.get_num_threads()}
     for (name, (trained, _)), time in zip(ways.items(), seconds, strict=True):
         run = [sys.executable, "-m", "benchmarks.rivals", name]
         peak = subprocess.run(run, check=True, capture_output=True, text=True).stdout
-        found |= {
+        result |= {
             f"{name}_seconds": time,
             f"{name}_over_sfnet": time / seconds[0],
             f"{name}_peak_mib": float(peak),
             f"{name}_multiply_adds": cost(trained.network, (480, 640)).multiply_adds,
         }
-    return found
+    return result
 
 
 if __name__ == "__main__":

@@ -18,19 +18,3 @@ def answered(handler, *numbers: signal.Signals) -> Iterator[None]:
     finally:
         for number, was in before.items():
             signal.signal(number, was)
-
-
-@contextmanager
-def stopping() -> Iterator[list[int]]:
-    """A list that is no longer empty once Ctrl-C or SIGTERM came, as a wish that a loop can grant
-    when it suits; the same once more stops at once. A launcher may send one of each.
-    """
-    caught: list[int] = []
-
-    def note(number, frame):
-        if number in caught:
-            raise KeyboardInterrupt
-        caught.append(number)
-
-    with answered(note, signal.SIGINT, signal.SIGTERM):
-        yield caught

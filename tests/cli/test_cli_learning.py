@@ -15,7 +15,6 @@ from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.learning import evaluation
-from fpputil.learning.checkpoint import read_about
 from fpputil.learning.log import read_log
 from fpputil.learning.weights import load_weights, read_metrics
 
@@ -105,8 +104,8 @@ def test_every_option_of_train_arrives(data, tmp_path):
         *("--consistency", "0.5", "--geometric", "0.25", "--modulo", "--mean", "--l1"),
     )
     assert train(data, tmp_path / "run", *given) == 0
-    about = read_about(tmp_path / "run/checkpoint.safetensors")
-    settings, method = about["settings"], about["method"]
+    config = json.loads((tmp_path / "run/config.json").read_text())
+    settings, method = config["config"], config["method"]
     wanted = {
         "learning_rate": 0.002,
         "schedule": "plateau",

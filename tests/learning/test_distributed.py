@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from safetensors.torch import load_file
 
 from fpputil.cli import main
-from fpputil.learning.checkpoint import read_about
+from fpputil.learning.checkpoint import read_state
 from fpputil.learning.log import read_log
 
+pytestmark = pytest.mark.slow
 OPTIONS = (
     *("--epochs", "2", "--batch", "6", "--base", "2", "--levels", "2", "--validation-views", "2"),
     *("--dropout", "0", "--precision", "float32", "--threads", "1", "--workers", "0"),
@@ -61,7 +62,7 @@ def test_weights_are_those_of_one_process(both):
     assert a.keys() == b.keys()
     for name in a:
         torch.testing.assert_close(a[name], b[name], rtol=1e-2, atol=1e-5)
-    assert len(read_about(two / "checkpoint.safetensors")["history"]) == 2
+    assert len(read_state(two / "checkpoint.safetensors")["history"]) == 2
 
 
 def test_the_first_process_alone_writes_and_shows(both):

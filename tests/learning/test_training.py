@@ -10,7 +10,6 @@ import sys
 import time
 from dataclasses import replace
 from multiprocessing import active_children
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,22 +18,19 @@ from matplotlib.figure import Figure
 from safetensors.torch import load_file
 
 from fpputil.cli import main
-from fpputil.dataset.generation import generate
-from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.experiments.recipes import CAMERA
-from fpputil.learning.checkpoint import read_about
+from fpputil.learning.checkpoint import read_state
 from fpputil.learning.config import TrainingConfig
-from fpputil.learning.devices import Processes
 from fpputil.learning.log import read_log
-from fpputil.learning.trainer import Trainer
-from fpputil.learning.training import fit
+from fpputil.learning.training import CHECKPOINT, CONFIG, WEIGHTS, fit
 from fpputil.learning.weights import load_weights
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod
 
 METHOD = SFNetMethod(base=2, levels=2)
+CAMERA = Augmentation(gain=(0.8, 1.2), noise=(0.0, 1.0))
 SHORT = TrainingConfig(
     epochs=2,
     batch=5,
@@ -43,7 +39,10 @@ SHORT = TrainingConfig(
     precision="float32",
     augmentation=CAMERA,
 )  # three batches an epoch, of 16 images one waits
-CHECKPOINT, WEIGHTS = "checkpoint.safetensors", "weights.safetensors"
+
+
+QUICK = replace(SHORT, epochs=20, training_views=3, validation_views=1, batch=3)
+FILES = (CONFIG, CHECKPOINT, WEIGHTS, "log.csv", "curve.png")
 
 
 def no_picture(figure, file, **options):
@@ -107,7 +106,7 @@ def test_equal_runs_are_equal_and_leave_the_generator_alone(runs, small_set, sch
     settings, _, trained, history = runs(schedule)
     torch.manual_seed(99)
     before = torch.get_rng_state()
-    again, repeated = fit(METHOD, small_set, settings)
+    again, repeated = fit(METHOD, small_set, settings, workers=int(schedule == "plateau"))
     assert torch.equal(torch.get_rng_state(), before)
     assert same(trained.network, again.network)
     assert without_times(history) == without_times(repeated)
@@ -137,20 +136,13 @@ def test_another_epoch_is_another_order_and_another_camera(small_set, monkeypatc
         assert not any(torch.equal(first[k], second[k]) for k in first)
 
 
-def test_a_process_that_loads_changes_nothing(whole, small_set):
-    settings, _, trained, history = whole
-    again, repeated = fit(METHOD, small_set, settings, workers=1)
-    assert same(trained.network, again.network)
-    assert without_times(history) == without_times(repeated)
-
-
 def test_what_a_run_leaves_behind(small_set, tmp_path, monkeypatch):
-    """Four files, and no process for which the command would wait for ever."""
+    """Five files, and no process for which the command would wait for ever."""
     monkeypatch.undo()  # draw
     out = tmp_path / "run"
     trained, history = fit(METHOD, small_set, replace(QUICK, epochs=2), out, workers=1)
     assert not active_children()
-    assert {f.name for f in out.iterdir()} == {CHECKPOINT, WEIGHTS, "log.csv", "curve.png"}
+    assert {f.name for f in out.iterdir()} == {*FILES}
     assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
     assert read_log(out / "log.csv") == history
     lines = (out / "log.csv").read_text().splitlines()
@@ -158,14 +150,6 @@ def test_what_a_run_leaves_behind(small_set, tmp_path, monkeypatch):
     last = load_file(out / CHECKPOINT)
     for name, tensor in trained.network.state_dict().items():
         assert torch.equal(tensor, last[f"network.{name}"])
-
-
-def test_a_stopped_run_leaves_no_process_behind(small_set, tmp_path, monkeypatch):
-    monkeypatch.undo()
-    interrupt(monkeypatch, 2)
-    with pytest.raises(KeyboardInterrupt):
-        fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path, workers=1)
-    assert not active_children()
 
 
 def test_rows_of_the_log(whole, small_set):
@@ -212,64 +196,54 @@ def test_weights_say_what_they_were_trained_with(whole, small_set):
     assert training["hardware"]["threads"] == 1 and training["hardware"]["processes"] == 1
 
 
-def interrupt(monkeypatch, at, number=signal.SIGTERM):
-    """Send this process a signal in the middle of the batch `at`, counted from 1."""
+def interrupt(monkeypatch, at):
+    """Press Ctrl-C in the middle of the batch `at`, counted from 1."""
     losses, count = SFNetMethod.losses, iter(range(1, 10**9))
 
-    def stopped(self, *given):
+    def stopped(self, *batch):
         if next(count) == at:
-            os.kill(os.getpid(), number)
-        return losses(self, *given)
+            os.kill(os.getpid(), signal.SIGINT)
+        return losses(self, *batch)
 
     monkeypatch.setattr(SFNetMethod, "losses", stopped)
 
 
 @pytest.mark.parametrize(
-    "schedule, at, number, workers",
-    [
-        ("plateau", 1, signal.SIGINT, 0),
-        ("one-cycle", 3, signal.SIGTERM, 0),  # the last of the first epoch
-        ("plateau", 5, signal.SIGINT, 1),
-        ("one-cycle", 5, signal.SIGTERM, 0),
-        ("one-cycle", 6, signal.SIGTERM, 0),  # the last of all
-    ],
+    "schedule, stops, workers",
+    [("plateau", [1], 0), ("one-cycle", [6], 0), ("plateau", [5], 1), ("plateau", [4, 2], 0)],
 )
 def test_a_stopped_run_goes_on_as_if_it_had_not(
-    runs, small_set, tmp_path, monkeypatch, schedule, at, number, workers
+    runs, small_set, tmp_path, monkeypatch, schedule, stops, workers
 ):
+    """Stopped once or more often, in the first epoch or in the second: the same bytes."""
     settings, out, trained, history = runs(schedule)
-    with monkeypatch.context() as patched:
-        interrupt(patched, at, number)
-        with pytest.raises(KeyboardInterrupt):
-            fit(METHOD, small_set, settings, tmp_path, workers=workers)
-    about = read_about(tmp_path / CHECKPOINT)
-    assert (len(about["history"]), about["step"]) == ((at - 1) // 3, (at - 1) % 3 + 1)
-    torch.manual_seed(at)
+    for k, at in enumerate(stops):
+        with monkeypatch.context() as patched:
+            interrupt(patched, at)
+            with pytest.raises(KeyboardInterrupt):
+                fit(METHOD, small_set, settings, tmp_path, resume=k > 0, workers=workers)
+        assert not active_children()
+    assert (tmp_path / CHECKPOINT).exists() == (stops[0] > 3)  # of finished epochs alone
+    torch.manual_seed(99)
     again, repeated = fit(METHOD, small_set, settings, tmp_path, resume=True)
     assert same(again.network, trained.network)
     assert same(tmp_path / CHECKPOINT, out / CHECKPOINT)
-    assert same(tmp_path / WEIGHTS, out / WEIGHTS)
+    assert (tmp_path / WEIGHTS).read_bytes() == (out / WEIGHTS).read_bytes()
     assert without_times(repeated) == without_times(history)
     assert without_times(read_log(tmp_path / "log.csv")) == without_times(history)
 
 
-def test_a_run_may_be_stopped_twice(whole, small_set, tmp_path, monkeypatch):
-    settings, out, *_ = whole
-    for resume, at in ((False, 2), (True, 3)):
-        with monkeypatch.context() as patched:
-            interrupt(patched, at)
-            with pytest.raises(KeyboardInterrupt):
-                fit(METHOD, small_set, settings, tmp_path, resume=resume)
-    fit(METHOD, small_set, settings, tmp_path, resume=True)
-    assert same(tmp_path / CHECKPOINT, out / CHECKPOINT)
-
-
 def test_a_finished_run_is_resumed_to_what_it_was(whole, small_set):
+    """What is derived from the checkpoint is made anew where it is missing."""
     settings, out, trained, history = whole
-    before = (out / CHECKPOINT).read_bytes()
+    before = {name: (out / name).read_bytes() for name in FILES if name != "curve.png"}
+    best = min(history, key=lambda row: row["validation_mae"])["epoch"]
+    for name in ("log.csv", "curve.png", *([WEIGHTS] if best == len(history) else [])):
+        (out / name).unlink()
     again, repeated = fit(METHOD, small_set, settings, out, resume=True)
     assert repeated == history and same(again.network, trained.network)
-    assert (out / CHECKPOINT).read_bytes() == before
+    assert {name: (out / name).read_bytes() for name in before} == before
+    assert (out / "curve.png").exists()
 
 
 OPTIONS = (
@@ -303,6 +277,7 @@ def started(call, **options):
         process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number, to_all", [(signal.SIGKILL, False), (signal.SIGTERM, True)])
 def test_a_command_that_was_killed_goes_on(commanded, small_set, tmp_path, number, to_all):
     """kill -9 of the command, and SIGTERM to all its processes, as clusters and systemd send it."""
@@ -319,24 +294,21 @@ def test_a_command_that_was_killed_goes_on(commanded, small_set, tmp_path, numbe
     if number == signal.SIGTERM:
         assert "stopped; the same command with --resume goes on from here" in said
         assert "Traceback" not in said
-    assert len(read_about(out / CHECKPOINT)["history"]) in (1, 2)
+    assert len(read_state(out / CHECKPOINT)["history"]) in (1, 2)
     assert main([*call, "--resume"]) == 0
     assert same(out / CHECKPOINT, commanded / CHECKPOINT)
-    assert same(out / WEIGHTS, commanded / WEIGHTS)
+    assert (out / WEIGHTS).read_bytes() == (commanded / WEIGHTS).read_bytes()
 
 
 def measured_as(monkeypatch, maes):
     """Let validation find these MAEs, epoch by epoch."""
     values = iter(maes)
 
-    def validate(self, loader):
+    def validate(*_):
         names = ("validation_mae", "validation_rmse", "validation_order_errors")
         return dict.fromkeys(names, next(values))
 
-    monkeypatch.setattr(Trainer, "_validate", validate)
-
-
-QUICK = replace(SHORT, epochs=20, training_views=3, validation_views=1, batch=3)
+    monkeypatch.setattr("fpputil.learning.training.validate", validate)
 
 
 @pytest.mark.parametrize(
@@ -422,55 +394,40 @@ def test_a_loss_that_is_not_finite_ends_the_run(small_set, tmp_path, monkeypatch
     losses, count = SFNetMethod.losses, iter(range(1, 99))
 
     def spoilt(self, *given):
-        found = losses(self, *given)
-        return found | {"total": found["total"] * (math.nan if next(count) == at else 1)}
+        values = losses(self, *given)
+        return values | {"total": values["total"] * (math.nan if next(count) == at else 1)}
 
     monkeypatch.setattr(SFNetMethod, "losses", spoilt)
     with pytest.raises(FloatingPointError, match=f"nan in epoch {epoch}, batch {batch}"):
         fit(METHOD, small_set, SHORT, tmp_path)
-    about = read_about(tmp_path / CHECKPOINT)
-    assert len(about["history"]) == epoch - 1 and about["step"] == 0
-    assert all(torch.isfinite(t).all() for t in load_file(tmp_path / CHECKPOINT).values())
+    assert (tmp_path / CHECKPOINT).exists() == (epoch > 1)
 
 
 def test_a_network_that_answers_nan_is_not_kept(small_set, monkeypatch, tmp_path):
     measured_as(monkeypatch, [3, math.nan])
     with pytest.raises(FloatingPointError, match="answers with nan after epoch 2"):
         fit(METHOD, small_set, replace(QUICK, epochs=3), tmp_path)
-    assert len(read_about(tmp_path / CHECKPOINT)["history"]) == 1
+    assert len(read_state(tmp_path / CHECKPOINT)["history"]) == 1
 
 
-def test_a_log_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp_path):
-    def full(out, history):
+@pytest.mark.parametrize("fails", ["save_weights", "write_log"])
+def test_a_file_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp_path, fails):
+    """Weights and log follow from the checkpoint, which is written first."""
+    undisturbed, stopped = tmp_path / "a", tmp_path / "b"
+    fit(METHOD, small_set, replace(QUICK, epochs=1), undisturbed)
+
+    def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fpputil.learning.trainer.write_log", full)
-    with pytest.raises(OSError, match="No space left"):
-        fit(METHOD, small_set, replace(QUICK, epochs=2), tmp_path)
-    assert len(read_about(tmp_path / CHECKPOINT)["history"]) == 1
-
-
-def test_losses_of_several_processes_are_saved_as_their_mean(monkeypatch):
-    """Stopped and resumed, each process begins with what the first one saved."""
-    monkeypatch.setattr(Processes, "total", lambda self, *values: [self.size * v for v in values])
-    for size in (1, 2):
-        run = SimpleNamespace(sums={"total": 3.0, "phase": 1.0})
-        trainer = SimpleNamespace(run=run, where=Processes(0, size, torch.device("cpu")))
-        assert Trainer._shared_sums(trainer) == run.sums
-
-
-@pytest.mark.parametrize("left", ["weights.safetensors", "log.csv"])
-def test_what_a_run_left_is_not_overwritten(small_set, tmp_path, left):
-    (tmp_path / left).write_bytes(b"dear")
-    with pytest.raises(ValueError, match=f"{left} of a run without its checkpoint"):
-        fit(METHOD, small_set, SHORT, tmp_path)
-    assert (tmp_path / left).read_bytes() == b"dear"
-
-
-def test_a_file_is_no_folder_for_a_run(small_set, tmp_path):
-    (tmp_path / "run").write_text("")
-    with pytest.raises(ValueError, match="run is a file; a run needs a folder"):
-        fit(METHOD, small_set, SHORT, tmp_path / "run")
+    with monkeypatch.context() as patched:
+        patched.setattr(f"fpputil.learning.training.{fails}", full)
+        with pytest.raises(OSError, match="No space left"):
+            fit(METHOD, small_set, replace(QUICK, epochs=1), stopped)
+    before = (stopped / CHECKPOINT).read_bytes()
+    _, history = fit(METHOD, small_set, replace(QUICK, epochs=1), stopped, resume=True)
+    assert (stopped / CHECKPOINT).read_bytes() == before
+    assert read_log(stopped / "log.csv") == history and len(history) == 1
+    assert (stopped / WEIGHTS).read_bytes() == (undisturbed / WEIGHTS).read_bytes()
 
 
 def test_a_rate_far_too_high_ends_the_run(small_set):
@@ -486,21 +443,13 @@ def test_bfloat16_trains_as_well(small_set):
     assert {p.dtype for p in trained.network.parameters()} == {torch.float32}
 
 
-def test_a_run_is_not_overwritten(whole, small_set):
-    settings, out, *_ = whole
-    before = {f.name: f.read_bytes() for f in out.iterdir()}
-    with pytest.raises(ValueError, match=f"{out} holds a run already; resume it"):
-        fit(METHOD, small_set, settings, out)
-    assert {f.name: f.read_bytes() for f in out.iterdir()} == before
-
-
 def test_a_run_begins_with_a_network_that_is_given(whole, small_set, tmp_path):
     settings, out, trained, _ = whole
     first = replace(settings, epochs=1, learning_rate=1e-12, weight_decay=0.0)
     begun, _ = fit(METHOD, small_set, first, tmp_path, start=trained)
     for name, tensor in begun.network.state_dict().items():
         torch.testing.assert_close(tensor, trained.network.state_dict()[name], rtol=0, atol=1e-9)
-    with pytest.raises(ValueError, match="start"):
+    with pytest.raises(ValueError, match="has start .* None is asked for"):
         fit(METHOD, small_set, first, tmp_path, resume=True)
     with pytest.raises(ValueError, match="to begin with given"):
         fit(replace(METHOD, base=3), small_set, first, start=trained)
@@ -514,47 +463,3 @@ def test_a_part_of_the_views(small_set):
         settings = replace(SHORT, epochs=1, training_views=views, batch=3)
         _, (row,) = fit(METHOD, small_set, settings)
         assert row["images"] == images
-
-
-CHANGES = [
-    ({"settings": {"learning_rate": 0.007}}, "learning_rate", "0.003", "0.007"),
-    ({"settings": {"epochs": 77}}, "epochs", "2", "77"),
-    ({"settings": {"augmentation": replace(CAMERA, noise=(0.0, 3.5))}}, "noise", "1.0", "3.5"),
-    ({"settings": {"precision": "bfloat16"}}, "precision", "float32", "bfloat16"),
-    ({"method": {"base": 3}}, "base", "2", "3"),
-    ({"method": {"weights": Weights(order=False)}}, "order", "True", "False"),
-]
-
-
-@pytest.mark.parametrize("changes, name, old, new", CHANGES)
-def test_a_run_is_resumed_with_its_own_settings_alone(whole, small_set, changes, name, old, new):
-    """The message names the setting, both values, and nothing that agrees."""
-    settings, out, *_ = whole
-    method = replace(METHOD, **changes.get("method", {}))
-    settings = replace(settings, **changes.get("settings", {}))
-    with pytest.raises(ValueError, match="a run is resumed with") as error:
-        fit(method, small_set, settings, out, resume=True)
-    said = str(error.value)
-    assert name in said and old in said and new in said
-    assert "max_grad_norm" not in said and "dropout" not in said
-
-
-def test_a_run_is_resumed_with_its_own_data_alone(whole, tmp_path):
-    settings, out, *_ = whole
-    generate(tmp_path / "other", "tiny", *seeded_models(3, 0), views=2)
-    with pytest.raises(ValueError, match=r"the run in .* has data .*, and .* is asked for"):
-        fit(METHOD, tmp_path / "other", settings, out, resume=True)
-
-
-def test_nothing_to_resume(small_set, tmp_path):
-    with pytest.raises(FileNotFoundError, match="no run to resume"):
-        fit(METHOD, small_set, SHORT, tmp_path / "none", resume=True)
-    with pytest.raises(ValueError, match="resume without a folder"):
-        fit(METHOD, small_set, SHORT, resume=True)
-
-
-def test_a_checkpoint_that_is_cut_is_named(whole, small_set, tmp_path):
-    settings, out, *_ = whole
-    (tmp_path / CHECKPOINT).write_bytes((out / CHECKPOINT).read_bytes()[:-7])
-    with pytest.raises(ValueError, match=f"{tmp_path / CHECKPOINT} is cut"):
-        fit(METHOD, small_set, settings, tmp_path, resume=True)

@@ -283,13 +283,6 @@ def test_gradients_are_those_of_finite_differences(target, order):
     assert torch.autograd.gradcheck(losses, (outputs,), eps=1e-7, atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["phase", "consistency", "geometric"])
-@pytest.mark.parametrize("value", [-1, math.nan, math.inf, "1"])
-def test_wrong_weights_are_named(name, value):
-    with pytest.raises(ValueError, match=f"weight of the {name} loss {value!r} given"):
-        Weights(**{name: value})
-
-
 @pytest.fixture(scope="module")
 def items(small_set):
     data = SynthFringe(small_set, "training")
@@ -347,15 +340,3 @@ def test_photographs_of_a_method(frames, shifts, small_set):
     assert found == pytest.approx(shifts * 2)
     item = SynthFringe(small_set, "training", method.photographs)[0]
     assert method.network()(item["frames"][None]).shape == (1, 2, 2, 120, 160)
-
-
-@pytest.mark.parametrize(
-    "options, said",
-    [
-        ({"frames": 4}, "4 frames of each pitch given"),
-        ({"target": "depth"}, "target 'depth' given"),
-    ],
-)
-def test_wrong_methods_are_named(options, said):
-    with pytest.raises(ValueError, match=said):
-        SFNetMethod(**options)

@@ -7,16 +7,13 @@ import pytest
 import torch
 
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.experiments.recipes import recipe, sized
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.evaluation import evaluate, open_split
-from fpputil.learning.run import plain
 from fpputil.learning.training import fit
-from fpputil.learning.weights import load_weights
+from fpputil.learning.weights import load_weights, plain
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import (
-    METHODS,
     DLALNetMethod,
     PSNetMethod,
     SFNetMethod,
@@ -260,36 +257,6 @@ def test_losses_of_photographs_against_loops(small_set):
 @each
 def test_settings_there_and_back(method):
     assert method_of(plain(settings_of(method))) == method
-
-
-@pytest.mark.parametrize("unit, levels", [(4, 5), (8, 6)])
-def test_all_methods_cost_about_the_same(unit, levels):
-    numbers = []
-    for name, kind in METHODS.items():
-        network = kind(base=sized(name, unit), levels=levels).network()
-        numbers.append(sum(p.numel() for p in network.parameters()))
-    assert max(numbers) < 1.15 * min(numbers)
-
-
-@pytest.mark.parametrize("name", METHODS)
-@pytest.mark.parametrize("preset", ["tiny", "small", "paper"])
-def test_every_method_has_a_recipe(name, preset):
-    method, settings = recipe(preset, name)
-    assert isinstance(method, METHODS[name])
-    assert settings == recipe(preset)[1]  # the budget is the same for all
-
-
-def test_an_unknown_method_is_named():
-    with pytest.raises(ValueError, match="method 'unet' given; the methods are sfnet, sido, psnet"):
-        recipe("tiny", "unet")
-
-
-@pytest.mark.parametrize("options", [{"base": 0}, {"levels": 1}, {"dropout": 1.0}])
-@pytest.mark.parametrize("kind", [SIDOMethod, PSNetMethod, DLALNetMethod])
-def test_wrong_settings_are_named(kind, options):
-    ((name, value),) = options.items()
-    with pytest.raises(ValueError, match=f"{name} {value}"):
-        kind(**options)
 
 
 @pytest.mark.parametrize("name", ["sfnet, unit", "sido", "psnet", "dlalnet"])

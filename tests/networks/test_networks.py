@@ -202,31 +202,3 @@ def test_an_encoder_halves_by_the_greatest_of_four():
     fine, coarse = encoder(x)
     assert torch.equal(fine, x)
     assert torch.equal(coarse, x.reshape(1, 1, 3, 2, 4, 2).amax((3, 5)))
-
-
-@pytest.mark.parametrize(
-    "options, said",
-    [
-        ({"frames": (0, 1)}, "frames 0 given"),
-        ({"frames": (1,)}, r"frames \(1,\) given; one number for each"),
-        ({"frames": (1, 1.5)}, "frames 1.5 given"),
-        ({"base": 0}, "base 0 given"),
-        ({"base": True}, "base True given"),
-        ({"levels": 1}, "levels 1 given; a whole number of 2 or more"),
-        ({"levels": 2.5}, "levels 2.5 given"),
-        ({"dropout": 1}, "dropout 1 given"),
-        ({"dropout": -0.1}, "dropout -0.1 given"),
-        ({"dropout": math.nan}, "dropout nan given"),
-        ({"mixing": "some"}, "mixing 'some' given; one of none, deepest, every level"),
-        ({"outputs": 0}, "outputs 0 given"),
-    ],
-)
-def test_wrong_networks_are_named(options, said):
-    with pytest.raises(ValueError, match=said):
-        SFNet(**options)
-
-
-@pytest.mark.parametrize("shape", [(1, 3, 8, 8), (1, 1, 8, 8), (2, 8, 8), (1, 1, 2, 8, 8)])
-def test_wrong_photographs_are_named(shape):
-    with pytest.raises(ValueError, match=r"frames of shape \(.* takes \(B, 2, H, W\)"):
-        sfnet()(torch.zeros(shape))

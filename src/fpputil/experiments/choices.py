@@ -17,8 +17,8 @@ from fpputil.dataset.store import open_store
 from fpputil.experiments.recipes import recipe
 from fpputil.files import write_whole
 from fpputil.learning.devices import hardware
-from fpputil.learning.run import plain
 from fpputil.learning.training import fit
+from fpputil.learning.weights import plain
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod, method_of, settings_of
 

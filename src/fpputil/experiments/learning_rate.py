@@ -13,8 +13,8 @@ from fpputil.dataset.store import open_store
 from fpputil.experiments.registry import LEARNING_RATES, SEARCH_CONFIG, SEARCHED, methods
 from fpputil.files import write_whole
 from fpputil.learning.devices import device_of, hardware
-from fpputil.learning.run import plain
 from fpputil.learning.training import fit
+from fpputil.learning.weights import plain
 from fpputil.networks.methods import method_of, settings_of
 
 MEASURES = ("mae", "rmse", "order_errors")

@@ -18,10 +18,8 @@ from fpputil.experiments.assessment import SPLITS, assess
 from fpputil.experiments.learning_rate import best_learning_rate, read_json
 from fpputil.experiments.registry import Experiment, budget, experiments
 from fpputil.files import write_whole
-from fpputil.learning.run import CHECKPOINT, plain
-from fpputil.learning.trainer import WEIGHTS
-from fpputil.learning.training import fit
-from fpputil.learning.weights import Trained, load_weights, short
+from fpputil.learning.training import CONFIG, WEIGHTS, fit
+from fpputil.learning.weights import Trained, load_weights, plain, short
 from fpputil.networks.complexity import cost
 from fpputil.networks.methods import method_of, settings_of
 
@@ -77,7 +75,7 @@ def make_run(
     with _claim(folder, name, wait):
         if (found := finished(path, about)) is not None:
             return found
-        resume = (folder / CHECKPOINT).is_file()
+        resume = (folder / CONFIG).is_file()
         _, history = fit(known[name].method, data, settings, folder, resume=resume, **how)
         trained = load_weights(folder / WEIGHTS)
         found = {**about, "checksum": open_store(data).checksum, **_facts(trained, history)}

@@ -11,6 +11,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "log": ["plot_log", "read_log"],
         "metrics": ["Score", "errors", "spikes"],
         "evaluation": ["Prediction", "evaluate", "open_split", "predict_batch", "predictions"],
-        "prediction": ["check_photographs", "predict"],
+        "prediction": ["check_photographs", "expected_photographs", "predict", "warnings"],
     },
 )

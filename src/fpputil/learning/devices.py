@@ -15,15 +15,15 @@ from torch import Tensor, distributed, nn
 from fpputil.checks import whole
 
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+CPUINFO = Path("/proc/cpuinfo")
 
 
 def bfloat16_unit(device: torch.device) -> bool:
     """Whether a device multiplies bfloat16 in hardware: AMX, AVX512-BF16, or a GPU that can."""
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
-    info = Path("/proc/cpuinfo")
-    words = set(info.read_text().split()) if device.type == "cpu" and info.exists() else set()
-    return bool({"amx_bf16", "avx512_bf16"} & words)
+    words = CPUINFO.read_text().split() if device.type == "cpu" and CPUINFO.exists() else ()
+    return not {"amx_bf16", "avx512_bf16"}.isdisjoint(words)
 
 
 def device_of(name: str) -> torch.device:
@@ -39,10 +39,9 @@ def device_of(name: str) -> torch.device:
         raise ValueError(f"device {name!r} given; cpu, cuda, cuda:0, cuda:1 ... are known")
     if kind == "cpu":
         return torch.device("cpu")
-    number = int(number or os.environ.get("LOCAL_RANK", 0))
-    if number >= torch.cuda.device_count():
-        found = torch.cuda.device_count()
-        raise ValueError(f"device {name!r} given; torch can use {found} such devices here")
+    number, count = int(number or os.environ.get("LOCAL_RANK", 0)), torch.cuda.device_count()
+    if number >= count:
+        raise ValueError(f"device {name!r} given; torch can use {count} such devices here")
     return torch.device("cuda", number)
 
 
@@ -53,7 +52,11 @@ def use_threads(number: int | None) -> None:
 
 
 def precision_of(name: str, device: torch.device) -> str:
-    """ "float32" or "bfloat16"; "auto" is the latter where the device has a unit for it."""
+    """ "float32" or "bfloat16"; "auto" is the latter where the device has a unit for it.
+
+    >>> precision_of("float32", torch.device("cpu"))
+    'float32'
+    """
     if name == "auto":
         return "bfloat16" if bfloat16_unit(device) else "float32"
     if name not in PRECISIONS:
@@ -61,21 +64,28 @@ def precision_of(name: str, device: torch.device) -> str:
     return name
 
 
-def autocast(device: torch.device, precision: str):
-    """Context in which convolutions run in `precision`; weights and losses stay float32."""
-    lower = precision != "float32"
-    return torch.autocast(device.type, PRECISIONS[precision], enabled=lower)
+def forward(network: nn.Module, frames: Tensor, precision: str) -> Tensor:
+    """Outputs of photographs (B, F, H, W), channels last and in `precision` on the way.
+
+    Weights and outputs stay float32; a network that is `lowered` stays in the precision of its
+    weights.
+    """
+    weights = next(network.parameters()).dtype
+    frames = frames.to(weights, memory_format=torch.channels_last)
+    lower = precision != "float32" and weights is torch.float32
+    with torch.autocast(frames.device.type, PRECISIONS[precision], enabled=lower):
+        return network(frames)
 
 
 def hardware(device: torch.device) -> dict:
     """What a result was computed with: processor or GPU, cores, threads, versions."""
     name = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
     if device.type == "cuda":
         name = torch.cuda.get_device_name(device)
-    elif info.exists():
-        models = [line for line in info.read_text().splitlines() if line.startswith("model name")]
-        name = models[0].split(":")[1].strip() if models else name
+    elif CPUINFO.exists():
+        lines = CPUINFO.read_text().splitlines()
+        models = (line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+        name = next(models, name)
     return {
         "device": device.type,
         "name": name,
@@ -84,17 +94,6 @@ def hardware(device: torch.device) -> dict:
         "torch": torch.__version__,
         "python": platform.python_version(),
     }
-
-
-def forward(network: nn.Module, frames: Tensor, precision: str) -> Tensor:
-    """Outputs of photographs (B, F, H, W), channels last and in `precision` on the way.
-
-    A network that is `lowered` stays in the precision of its weights.
-    """
-    weights = next(network.parameters()).dtype
-    frames = frames.to(weights, memory_format=torch.channels_last)
-    with autocast(frames.device, precision if weights is torch.float32 else "float32"):
-        return network(frames)
 
 
 @dataclass(frozen=True)
@@ -115,15 +114,10 @@ class Processes:
     def total(self, *values: float) -> list[float]:
         """Each value added up over all processes, in float64."""
         together = torch.tensor(values, dtype=torch.float64)
-        return self.add(
-            together.to(self.device) if self.device.type == "cuda" else together
-        ).tolist()
-
-    def add(self, values: Tensor) -> Tensor:
-        """A tensor added up over all processes."""
         if self.size > 1:
-            distributed.all_reduce(values)
-        return values
+            together = together.to(self.device)
+            distributed.all_reduce(together)
+        return together.tolist()
 
 
 @contextmanager
@@ -135,15 +129,21 @@ def processes(device: str | None = None) -> Iterator[Processes]:
     device : str, optional
         As torch names it; by default a CUDA device for each process where there are any, else
         the CPU.
+
+    Examples
+    --------
+    >>> with processes("cpu") as group:
+    ...     group.size, group.total(1.5, 2)
+    (1, [1.5, 2.0])
     """
     rank, size = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
-    where = device_of(device or ("cuda" if torch.cuda.is_available() else "cpu"))
-    if where.type == "cuda":
-        torch.cuda.set_device(where)
+    device = device_of(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    if device.type == "cuda":
+        torch.cuda.set_device(device)
     if size > 1:
-        distributed.init_process_group("nccl" if where.type == "cuda" else "gloo")
+        distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
     try:
-        yield Processes(rank, size, where)
+        yield Processes(rank, size, device)
     finally:
         if size > 1:
             distributed.destroy_process_group()

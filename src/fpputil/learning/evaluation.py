@@ -60,14 +60,14 @@ def predict_batch(
     trained : Trained
     frames : (B, F, H, W) tensor or array
         Photographs, 0 to 1 by the extremes the network was trained with.
-    geometry : Rig
+    geometry : Geometry
         On the device on which the network is.
     precision : str
         "float32" or "bfloat16".
 
     Returns
     -------
-    list of B `Measured`
+    list of B `Prediction`
     """
     device, method = geometry.Phi_plane.device, trained.method
     frames = torch.as_tensor(frames, dtype=torch.float32).to(device)
@@ -108,8 +108,8 @@ def open_split(
         texture=texture,
     )
     camera = data.store.system.camera
-    found = {"pitches": data.pitches._asdict(), "camera": [camera.height, camera.width]}
-    for name, value in found.items():
+    made_for = {"pitches": data.pitches._asdict(), "camera": [camera.height, camera.width]}
+    for name, value in made_for.items():
         if value != trained.metadata[name]:
             raise ValueError(
                 f"the dataset has {name} {value}, the network was trained for "
@@ -137,13 +137,13 @@ def predictions(
 
     Yields
     ------
-    item, Measured
+    item, Prediction
         The item of `SynthFringe` as arrays.
     """
-    where = device_of(device)
-    precision = precision_of(precision, where)
-    geometry = Geometry.of(data.store.system, data.pitches, data.extremes).to(where)
-    network = trained.network.to(where, memory_format=torch.channels_last)
+    device = device_of(device)
+    precision = precision_of(precision, device)
+    geometry = Geometry.of(data.store.system, data.pitches, data.extremes).to(device)
+    network = trained.network.to(device, memory_format=torch.channels_last)
     if precision != "float32":
         trained = replace(trained, network=lowered(network, PRECISIONS[precision]))
     chosen = data if views is None else Subset(data, views)
@@ -151,11 +151,11 @@ def predictions(
     bar = tqdm(total=len(chosen), unit="view", disable=not progress, leave=False)
     with closing(loader), bar:
         for batch in loader:
-            found = predict_batch(trained, batch["frames"], geometry, precision)
+            answers = predict_batch(trained, batch["frames"], geometry, precision)
             arrays = {k: v.numpy() for k, v in batch.items()}
-            for k, one in enumerate(found):
-                yield {name: values[k] for name, values in arrays.items()}, one
-            bar.update(len(found))
+            for k, prediction in enumerate(answers):
+                yield {name: values[k] for name, values in arrays.items()}, prediction
+            bar.update(len(answers))
 
 
 def evaluate(
@@ -174,7 +174,7 @@ def evaluate(
     data : SynthFringe
         From `open_split`.
     each : callable, optional
-        Given every item and what was `Measured` of it.
+        Given every item and the `Prediction` of it.
     truth : SynthFringe, optional
         The same split, whose masks and phases count in place of those of `data`: where only the
         photographs are to differ.
@@ -191,23 +191,22 @@ def evaluate(
     both, alone = Score(), Score()
     system, pitch = data.store.system, data.pitches.high
     views = range(len(data)) if views is None else views
-    for at, (item, found) in zip(
-        views, predictions(trained, data, views=views, **how), strict=True
-    ):
+    answers = predictions(trained, data, views=views, **how)
+    for view, (item, prediction) in zip(views, answers, strict=True):
         if truth is not None:
-            item = {k: v.numpy() for k, v in truth[at].items()}
+            item = {k: v.numpy() for k, v in truth[view].items()}
         true = item | {"phi_r": true_reference(trained.method, item)}
-        model = int(item["model"])
-        both.add(model, errors(found.Phi, found.phi_h, found.phi_r, true, system, pitch))
-        alone.add(model, errors(found.Phi_from_one, found.phi_h, None, true, system, pitch))
+        model, phi_h, phi_r = int(item["model"]), prediction.phi_h, prediction.phi_r
+        both.add(model, errors(prediction.Phi, phi_h, phi_r, true, system, pitch))
+        alone.add(model, errors(prediction.Phi_from_one, phi_h, None, true, system, pitch))
         if each is not None:
-            each(item, found)
+            each(item, prediction)
     return both, alone
 
 
-def save_points(path: str | Path, item: dict, found: Prediction, data: SynthFringe) -> int:
+def save_points(path: str | Path, item: dict, prediction: Prediction, data: SynthFringe) -> int:
     """Write the points of one view as PLY, grey as its first photograph; returns their number."""
-    Phi = np.where(item["mask"], found.Phi, np.nan)
+    Phi = np.where(item["mask"], prediction.Phi, np.nan)
     points = triangulate(column(Phi, data.pitches.high), data.store.system)
     known = np.isfinite(points).all(axis=-1)
     if not known.any():

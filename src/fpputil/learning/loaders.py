@@ -15,7 +15,7 @@ from fpputil.dataset.synthfringe import SynthFringe
 
 
 class Batches(Sampler):
-    """Positions in a dataset, dealt into batches anew each epoch.
+    """Positions in a dataset, dealt into batches anew each `epoch`.
 
     Parameters
     ----------
@@ -27,6 +27,13 @@ class Batches(Sampler):
     seed : int
     rank, ranks : int
         Which share of each batch is ours.
+
+    Examples
+    --------
+    >>> list(Batches(5, 2, seed=0))
+    [[2, 4], [3, 0]]
+    >>> list(Batches(5, 2, seed=0, rank=1, ranks=2))
+    [[4], [0]]
     """
 
     def __init__(self, number: int, size: int, seed: int, rank: int = 0, ranks: int = 1):
@@ -37,28 +44,20 @@ class Batches(Sampler):
             )
         self.number, self.size, self.seed = number, size, seed
         self.share = slice(rank, None, ranks)
-        self.epoch = self.start = 0
+        self.epoch = 0
 
     def __len__(self) -> int:
-        """Batches of a whole epoch."""
         return max(1, self.number // self.size)
 
     def __iter__(self) -> Iterator[list[int]]:
-        """The batches of `epoch`, from number `start` on."""
         order = np.random.default_rng((self.seed, self.epoch)).permutation(self.number)
-        for k in range(self.start, len(self)):
+        for k in range(len(self)):
             yield order[k * self.size : (k + 1) * self.size][self.share].tolist()
 
 
 def training_loader(data: SynthFringe, batches: Batches, workers: int) -> DataLoader:
     """Loader of batches in the order of `batches`."""
     return DataLoader(data, batch_sampler=batches, **loader_options(workers))
-
-
-def spread(data: SynthFringe, most: int) -> list[int]:
-    """Positions of all items, or of `most` of them, evenly spread."""
-    most = min(whole("views", most, 1), len(data))
-    return np.linspace(0, len(data) - 1, most).round().astype(int).tolist()
 
 
 def validation_loader(
@@ -68,12 +67,19 @@ def validation_loader(
     return DataLoader(Subset(data, views[rank::ranks]), size, **loader_options(workers))
 
 
+def spread(data: SynthFringe, most: int) -> list[int]:
+    """Positions of all items, or of `most` of them, evenly spread.
+
+    >>> spread(range(100), 4)
+    [0, 33, 66, 99]
+    """
+    most = min(whole("views", most, 1), len(data))
+    return np.linspace(0, len(data) - 1, most).round().astype(int).tolist()
+
+
 @contextmanager
 def closing(*loaders: DataLoader):
-    """End the processes of loaders at the end, come what may.
-
-    They do not end by SIGTERM, so the interpreter would wait for them for ever.
-    """
+    """End the processes of loaders at the end: they ignore SIGTERM and would be waited for."""
     try:
         yield
     finally:

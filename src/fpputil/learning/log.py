@@ -14,15 +14,7 @@ from fpputil.files import write_whole
 
 
 def write_log(out: Path, history: list[dict]) -> None:
-    """Write log.csv and curve.png, each whole or not at all.
-
-    Parameters
-    ----------
-    out : Path
-        Folder of the run.
-    history : list of dict
-        One row an epoch, equal keys.
-    """
+    """Write log.csv and curve.png, one row an epoch with equal keys, each whole or not at all."""
     text = io.StringIO()
     table = csv.DictWriter(text, history[0].keys(), lineterminator="\n")
     table.writeheader()

@@ -34,6 +34,13 @@ def spikes(Phi: np.ndarray, mask: np.ndarray) -> np.ndarray:
     -------
     (P,) bool array
         Of the pixels of the mask, in row order.
+
+    Examples
+    --------
+    >>> Phi = np.zeros((5, 5))
+    >>> Phi[2, 2] = 6.3
+    >>> np.flatnonzero(spikes(Phi, np.ones((5, 5), bool)))
+    array([12])
     """
     padded = np.pad(np.where(mask, Phi, np.nan).astype(np.float32), 2, constant_values=np.nan)
     near = np.lib.stride_tricks.sliding_window_view(padded, (5, 5))[mask].reshape(-1, 25)
@@ -68,10 +75,10 @@ def errors(Phi, phi_h, phi_r, truth: dict, system: System, pitch: float) -> dict
     mask = truth["mask"]
     rad = Phi[mask] - truth["Phi"][mask]
     sensitive = mask & (system.columns_per_mm(truth["depth"]) > LEAST_SENSITIVITY)
-    found = depth_of(triangulate(column(np.where(mask, Phi, np.nan), pitch), system), system)
+    depth = depth_of(triangulate(column(np.where(mask, Phi, np.nan), pitch), system), system)
     values = {
         "rad": rad,
-        "mm": (found - truth["depth"])[sensitive],
+        "mm": (depth - truth["depth"])[sensitive],
         "insensitive": ~sensitive[mask],
         "order": ~(np.abs(rad) <= math.pi),  # no phase is no right order
         "spike": spikes(Phi, mask),
@@ -91,22 +98,31 @@ class Score:
     Parameters
     ----------
     models : dict
-        For each model, of each kind of error: number, sum of ``|e|``, sum of squares, histogram.
+        For each model, of each kind of error: number, number of the finite, sum of ``|e|``, sum
+        of squares, and of rad and mm a histogram over `BINS`.
+
+    Examples
+    --------
+    >>> no = np.zeros(2, bool)
+    >>> marks = dict.fromkeys(("insensitive", "order", "spike", "own_spike"), no)
+    >>> score = Score()
+    >>> score.add(7, {"rad": np.array([0.1, -0.3]), "mm": np.array([0.0, 1.0]), **marks})
+    >>> [round(value, 2) for value in score.summary(draws=10)["mae_rad"]]
+    [0.2, 0.2, 0.2]
     """
 
     models: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)
 
     def add(self, model: int, values: dict[str, np.ndarray]) -> None:
         """Add the errors of one view of a model."""
-        own = self.models.setdefault(int(model), {})
+        pooled = self.models.setdefault(int(model), {})
         for kind, e in values.items():
             e = np.abs(np.asarray(e, np.float64))
             known = e[np.isfinite(e)]
             sums = [len(e), len(known), known.sum(), (known**2).sum()]
-            counts = (
-                np.histogram(known.clip(max=BINS[-1]), BINS)[0] if kind in ("rad", "mm") else []
-            )
-            own[kind] = own.get(kind, 0) + np.concatenate([sums, counts])
+            if kind in ("rad", "mm"):
+                sums += np.histogram(known.clip(max=BINS[-1]), BINS)[0].tolist()
+            pooled[kind] = pooled.get(kind, 0) + np.array(sums, float)
 
     def summary(self, seed: int = 0, draws: int = 1000) -> dict[str, tuple[float, float, float]]:
         """Each measure with its 95 % bootstrap interval over models: (value, low, high).
@@ -130,16 +146,42 @@ class Score:
         ValueError
             If nothing was added, or no pixel.
         """
-        whole("draws", draws, 1)
-        if not sum(own["rad"][0] for own in self.models.values()):
+        models = list(self.models.values())
+        if not sum(model["rad"][0] for model in models):
             raise ValueError("no pixel to score; the masks of these views are empty")
-        own = list(self.models.values())
-        drawn = seeded(seed).multinomial(len(own), np.full(len(own), 1 / len(own)), size=draws)
-        times = np.vstack([np.ones(len(own)), drawn])  # the first row takes each model once
-        pooled = {k: times @ np.stack([m[k] for m in own]) for k in own[0]}
+        counts = draws_of_models(len(models), draws, seed)
+        pooled = {kind: counts @ np.stack([m[kind] for m in models]) for kind in models[0]}
         with np.errstate(invalid="ignore", divide="ignore"):
             measures = _measures(pooled)
         return {k: (float(v[0]), *_interval(v[1:])) for k, v in measures.items()}
+
+
+def draws_of_models(number: int, draws: int, seed: int = 0) -> np.ndarray:
+    """How often each model counts: once in the first row, then as drawn with replacement.
+
+    Parameters
+    ----------
+    number : int
+        Models.
+    draws : int
+        How many times as many models are drawn.
+    seed : int
+
+    Returns
+    -------
+    (draws + 1, number) float array
+        Times sums over each model, (number, ...), they are the sums of each draw.
+
+    Examples
+    --------
+    >>> draws_of_models(4, 2)
+    array([[1., 1., 1., 1.],
+           [1., 0., 0., 3.],
+           [0., 2., 2., 0.]])
+    """
+    shares = np.full(number, 1 / number)
+    drawn = seeded(seed).multinomial(number, shares, size=whole("draws", draws, 1))
+    return np.vstack([np.ones(number), drawn])
 
 
 def _interval(values: np.ndarray) -> tuple[float, float]:

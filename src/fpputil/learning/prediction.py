@@ -8,12 +8,10 @@ from itertools import combinations
 
 import numpy as np
 import torch
-from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import grey_closing, grey_opening, uniform_filter
+from scipy.ndimage import grey_closing, grey_opening
 
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
-from fpputil.decoding.unwrap import TWO_PI
 from fpputil.learning.devices import PRECISIONS, device_of, precision_of
 from fpputil.learning.evaluation import predict_batch
 from fpputil.learning.weights import Trained
@@ -22,16 +20,12 @@ from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import Pitches, System
 
-PERIODS = 3  # in a piece of a row in which the pitch is looked for, if the object is so wide
-FINE, COARSE = 0.17, 0.35  # how far off a pitch may be, with as many periods and with fewer
-PIECES = 600  # are enough, evenly spread
-CONTRAST = 0.2  # least of fringes, over their mean; strong ambient light leaves as much
 ALIKE = 0.97  # correlation of photographs of one pitch
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedPhotographs:
-    """What a prediction starts from; `photographs` makes it.
+    """What a prediction starts from; `check_photographs` makes it.
 
     Frames (F, H, W) in grey levels 0 to 255, the frequency of each by name, what is known about
     the network, and the projector columns (H, W) on the plane in the middle of the range.
@@ -58,10 +52,6 @@ class CheckedPhotographs:
         slopes = np.abs(np.gradient(self.columns, axis=self.axis))
         return float(getattr(self.pitches, name) / np.nanmedian(slopes))
 
-    def window(self, along: int, across: int = 1) -> tuple[int, int]:
-        """Size of a filter of pixels across the fringes and along them."""
-        return (across, along) if self.axis else (along, across)
-
 
 @dataclass(frozen=True, eq=False)
 class DepthPrediction:
@@ -81,7 +71,14 @@ class DepthPrediction:
 
 
 def expected_photographs(trained: Trained) -> list[str]:
-    """The photographs that a network wants, in order and in words."""
+    """The photographs that a network wants, in order and in words.
+
+    >>> from fpputil.networks import SFNetMethod
+    >>> made_for = {"camera": [120, 160], "extremes": [0, 251]}
+    >>> made_for["pitches"] = {"high": 24, "mid": 114, "zmin": 304, "unit": 912}
+    >>> expected_photographs(Trained(SFNetMethod(), None, made_for))
+    ['pitch 24 (high), step 0 of 15', 'pitch 304 (zmin), step 0 of 15']
+    """
     if lacking := {"pitches", "camera", "extremes"} - set(trained.metadata):
         raise ValueError(f"these weights do not say for which {min(lacking)} they are")
     pitches, shots = trained.metadata["pitches"], trained.method.photographs
@@ -100,8 +97,8 @@ def check_photographs(trained: Trained, images, system: System) -> CheckedPhotog
     sizes = [" x ".join(map(str, image.shape[::-1])) for image in images]
     if len(set(sizes)) > 1:
         raise ValueError(f"photographs of {', '.join(sizes)} pixels given; one size is needed")
-    if sizes[0] != (own := f"{camera.width} x {camera.height}"):
-        raise ValueError(f"photographs of {sizes[0]} pixels given; the system's camera has {own}")
+    if sizes[0] != (size := f"{camera.width} x {camera.height}"):
+        raise ValueError(f"photographs of {sizes[0]} pixels given; the system's camera has {size}")
     frames = np.stack(images).astype(np.float32)
     for k, frame in enumerate(frames, 1):
         if not np.isfinite(frame).all():
@@ -113,13 +110,13 @@ def check_photographs(trained: Trained, images, system: System) -> CheckedPhotog
             )
     names = tuple(name for name, *_ in trained.method.photographs)
     columns = system.columns_at((system.z_min + system.z_max) / 2)
-    shown = CheckedPhotographs(frames, names, trained.metadata, system, columns)
-    if not fringes_seen(shown).any():
+    photographs = CheckedPhotographs(frames, names, trained.metadata, system, columns)
+    if not fringes_seen(photographs).any():
         raise ValueError(f"no fringes seen; a modulation above {THRESHOLD:g} grey levels is needed")
-    return shown
+    return photographs
 
 
-def fringes_seen(shown: CheckedPhotographs) -> np.ndarray:
+def fringes_seen(photographs: CheckedPhotographs) -> np.ndarray:
     """Where there are fringes, (H, W) bool: a guess, as one photograph has no modulation.
 
     Half the height from troughs to crests around a pixel must exceed `THRESHOLD`. Crests come
@@ -128,28 +125,30 @@ def fringes_seen(shown: CheckedPhotographs) -> np.ndarray:
     than that do, and the rim of an object is uncertain by as much. The amplitude that a network
     predicts does not serve: it never learned what to answer where there are no fringes.
     """
-    high = [k for k, name in enumerate(shown.names) if name == "high"]
-    size = shown.window(2 * int(0.625 * shown.period("high")) + 1)
-    crests = grey_closing(shown.frames.max(axis=0), size=size)
-    troughs = grey_opening(shown.frames[high].min(axis=0), size=size)
+    high = [k for k, name in enumerate(photographs.names) if name == "high"]
+    size = [1, 1]
+    size[photographs.axis] = 2 * int(0.625 * photographs.period("high")) + 1
+    crests = grey_closing(photographs.frames.max(axis=0), size=size)
+    troughs = grey_opening(photographs.frames[high].min(axis=0), size=size)
     return (crests - troughs) / 2 > THRESHOLD
 
 
 def predict(
-    trained: Trained, shown: CheckedPhotographs, device="cpu", precision="auto"
+    trained: Trained, photographs: CheckedPhotographs, device="cpu", precision="auto"
 ) -> DepthPrediction:
     """Phases, depth and points; ValueError if none is in the measuring range. Chapter 8."""
-    where, system, mask = device_of(device), shown.system, fringes_seen(shown)
-    precision = precision_of(precision, where)
-    network = trained.network.to(where, memory_format=torch.channels_last)
+    system, mask = photographs.system, fringes_seen(photographs)
+    device = device_of(device)
+    precision = precision_of(precision, device)
+    network = trained.network.to(device, memory_format=torch.channels_last)
     if precision != "float32":
         network = lowered(network, PRECISIONS[precision])
-    pitches, (low, high) = shown.pitches, shown.metadata["extremes"]
-    geometry = Geometry.of(system, pitches, (low, high)).to(where)
-    frames = (shown.frames - low) / (high - low)
-    (found,) = predict_batch(replace(trained, network=network), frames[None], geometry, precision)
-    phases = (found.phi_h, np.nan if found.phi_r is None else found.phi_r, found.Phi)
-    phi_h, phi_r, Phi = (np.where(mask, phase, np.nan) for phase in phases)
+    pitches, (low, high) = photographs.pitches, photographs.metadata["extremes"]
+    geometry = Geometry.of(system, pitches, (low, high)).to(device)
+    frames = (photographs.frames - low) / (high - low)
+    (phases,) = predict_batch(replace(trained, network=network), frames[None], geometry, precision)
+    maps = (phases.phi_h, np.nan if phases.phi_r is None else phases.phi_r, phases.Phi)
+    phi_h, phi_r, Phi = (np.where(mask, phase, np.nan) for phase in maps)
     points = triangulate(i := column(Phi, pitches.high), system)
     depth = depth_of(points, system)
     inside = (depth >= system.z_min) & (depth <= system.z_max)
@@ -163,32 +162,31 @@ def predict(
     return DepthPrediction(*maps, points, mask)
 
 
-def warnings(shown: CheckedPhotographs) -> list[str]:
+def warnings(photographs: CheckedPhotographs) -> list[str]:
     """What is unlike the photographs of the training, in sentences."""
-    mask = fringes_seen(shown)
-    return [*_odd_size(shown), *_odd_levels(shown, mask), *_odd_pitches(shown, mask)]
+    mask = fringes_seen(photographs)
+    levels, pitches = _odd_levels(photographs, mask), _odd_pitches(photographs, mask)
+    return list(dict.fromkeys([*_odd_size(photographs), *levels, *pitches]))
 
 
-def _odd_size(shown) -> Iterator[str]:
-    (h, w), (rows, columns), now = (
-        shown.columns.shape,
-        shown.metadata["camera"],
-        shown.period("high"),
-    )
-    if (h, w) != (rows, columns):
+def _odd_size(photographs) -> Iterator[str]:
+    (height, width), (rows, columns) = photographs.columns.shape, photographs.metadata["camera"]
+    if (height, width) != (rows, columns):
+        period = photographs.period("high")
         yield (
-            f"photographs of {w} x {h} pixels; the network was trained with {columns} x {rows}. A "
-            f"period has {now:.1f} pixels; in the same field of view it had {now * columns / w:.1f}"
+            f"photographs of {width} x {height} pixels; the network was trained with {columns} x "
+            f"{rows}. A period has {period:.1f} pixels; in the same field of view it had "
+            f"{period * columns / width:.1f}"
         )
 
 
-def _odd_levels(shown, mask) -> Iterator[str]:
-    low, high = shown.metadata["extremes"]
-    span, bright = high - low, np.percentile(shown.frames[:, mask], 99)
+def _odd_levels(photographs, mask) -> Iterator[str]:
+    low, high = photographs.metadata["extremes"]
+    span, bright = high - low, np.percentile(photographs.frames[:, mask], 99)
     if not 0.4 <= (bright - low) / span <= 1.2:
         kind = "over" if bright > high else "under"
         yield f"{kind}-exposed: crests reach {bright:.0f}, in training up to {high:g}"
-    for k, frame in enumerate(shown.frames, 1):
+    for k, frame in enumerate(photographs.frames, 1):
         top, dark = min(frame[mask].max(), WHITE), np.percentile(frame, 2)
         if (share := np.mean(frame[mask] >= top - 0.5)) > 0.05:
             yield f"photograph {k}: {share:.0%} of the lit pixels are saturated at {top:.0f}"
@@ -199,63 +197,19 @@ def _odd_levels(shown, mask) -> Iterator[str]:
             )
 
 
-def _odd_pitches(shown, mask) -> list[str]:
-    names, pitches = shown.names, shown.pitches
+def _odd_pitches(photographs, mask) -> Iterator[str]:
+    """Photographs that show the same fringes, or the finer where the coarser belong."""
+    axis, names, pitches = photographs.axis, photographs.names, photographs.pitches
+    pairs = np.delete(mask, 0, axis) & np.delete(mask, -1, axis)
+    # Steps from pixel to pixel over contrast: the finer the fringes, the greater.
+    fineness = [
+        np.abs(np.diff(frame, axis=axis))[pairs].sum() / max(frame[mask].std(), 1e-6)
+        for frame in photographs.frames
+    ]
     for j, k in combinations(range(len(names)), 2):
-        alike = np.corrcoef(shown.frames[j][mask], shown.frames[k][mask])[0, 1]
-        if alike > ALIKE and names[j] != names[k]:
-            return [
-                f"photographs {j + 1} and {k + 1} show the same fringes; two pitches are needed"
-            ]
-    wrong = list(_wrong_pitches(shown, mask))
-    for a, b in combinations(dict.fromkeys(names), 2) if wrong else ():
-        other = replace(shown, names=tuple({a: b, b: a}.get(name, name) for name in names))
-        mask = fringes_seen(other)
-        if mask.any() and not list(_wrong_pitches(other, mask)):
-            before, after = (getattr(pitches, name) for name in (b, a))
-            return [f"photographs swapped: pitch {before:g} comes before {after:g}"]
-    return wrong
-
-
-def _wrong_pitches(shown, mask) -> Iterator[str]:
-    """Which photographs do not show the pitches of their names."""
-    size = shown.window(round(shown.period("high")), 3)
-    first, share = shown.frames[shown.names.index("high")], uniform_filter(mask.astype(float), size)
-    shade = uniform_filter(np.where(mask, first, 0), size) / share.clip(0.1)
-    for k, (frame, name) in enumerate(zip(shown.frames, shown.names, strict=True), 1):
-        period, pitch = shown.period(name), getattr(shown.pitches, name)
-        told = f"pitch {pitch:g} has {period:.1f} pixels at the middle of the range"
-        factor, contrast, allowed = _seen(shown, frame / shade.clip(4), mask, pitch, period)
-        if contrast < CONTRAST:
-            yield f"photograph {k} shows no fringes of about {period:.1f} camera pixels; {told}"
-        elif abs(factor - 1) > allowed:
-            seen = f"{factor * period:.1f} camera pixels, as of pitch {factor * pitch:.0f}"
-            yield f"photograph {k} shows fringes of {seen}; {told}"
-
-
-def _seen(shown, picture, mask, pitch, period) -> tuple[float, float, float]:
-    """Factor to a pitch whose fringes fit best, their contrast, and how far from 1 is still well.
-
-    Rows are cut into pieces so short that depth hardly bends the fringes of the middle plane.
-    """
-    maps = (picture.clip(0, 3), shown.columns, mask)
-    *maps, mask = maps if shown.axis else (a.T for a in maps)
-    widths = mask.sum(axis=1)
-    length = int(min(np.ceil(PERIODS * period), np.percentile(widths[widths > 0], 75)))
-    every = np.s_[:, :: 1 + length // 16]
-    *cut, lit = (sliding_window_view(a, length, 1)[every] for a in (*maps, mask))
-    whole = lit.mean(axis=-1) > 0.95
-    if length < max(4, 0.6 * period) or whole.sum() < 3:
-        return 1.0, float(length < PERIODS * period), COARSE  # 1: the object is too narrow to tell
-    I, columns = (a[whole][:: 1 + whole.sum() // PIECES] for a in cut)
-    factors = np.geomspace(max(1 / 4, 2.1 / period), 4, 141)
-    power = [_fitted(I, TWO_PI * columns / (factor * pitch)) for factor in factors]
-    contrast = np.sqrt(2 * max(power) / I.size) / I.mean()
-    return factors[np.argmax(power)], contrast, FINE if length >= PERIODS * period else COARSE
-
-
-def _fitted(I, Phi) -> float:
-    """Sum of squares, about its mean, of pieces (S, L) that sine and cosine of Phi explain."""
-    I, c, s = (a - a.mean(axis=1, keepdims=True) for a in (I, np.cos(Phi), np.sin(Phi)))
-    cc, ss, cs, a, b = (np.nansum(x, axis=1) for x in (c * c, s * s, c * s, I * c, I * s))
-    return float(np.sum((a * a * ss - 2 * a * b * cs + b * b * cc) / (cc * ss - cs**2 + 1e-9)))
+        first, second = getattr(pitches, names[j]), getattr(pitches, names[k])
+        alike = np.corrcoef(photographs.frames[j][mask], photographs.frames[k][mask])[0, 1]
+        if first != second and alike > ALIKE:
+            yield f"photographs {j + 1} and {k + 1} show the same fringes; two pitches are needed"
+        elif (second - first) * (fineness[j] - fineness[k]) < 0:
+            yield f"photographs swapped: pitch {second:g} comes before {first:g}"

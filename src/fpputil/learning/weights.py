@@ -47,8 +47,8 @@ def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> Non
         If the name does not end in .safetensors, or a weight does not fit the dtype.
     """
     path = _name(path)
-    own = trained.network.state_dict()
-    tensors = {k: v.detach().cpu().to(dtype).contiguous() for k, v in own.items()}
+    weights = trained.network.state_dict()
+    tensors = {k: v.detach().cpu().to(dtype).contiguous() for k, v in weights.items()}
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             raise ValueError(f"{name} has weights that are not finite in {dtype}; nothing is saved")
@@ -75,13 +75,15 @@ def load_weights(path: str | Path) -> Trained:
         tensors = load(path.read_bytes())
     except (safetensors.SafetensorError, json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is cut or not a safetensors file ({error})") from error
-    found = metadata.pop("format", None) if isinstance(metadata, dict) else None
-    if found != FORMAT:
-        kinds = {"fpputil run": "is the checkpoint of a run; weights.safetensors is beside it",
-                 "fpputil weights": "was written by another version of fpputil"}  # fmt: skip
-        said = [v for k, v in kinds.items() if str(found).startswith(k)]
-        raise ValueError(f"{path} {(said or ['is not a file of weights of fpputil'])[0]}")
-    method = _method(metadata.pop("method", None), path)
+    kind = metadata.pop("format", None) if isinstance(metadata, dict) else None
+    if str(kind).startswith("fpputil run"):
+        raise ValueError(f"{path} is the checkpoint of a run; weights.safetensors is beside it")
+    if kind != FORMAT:
+        raise ValueError(f"{path} is not a file of weights of this version of fpputil")
+    try:
+        method = method_of(metadata.pop("method", None))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} describes no method of this version: {error}") from error
     with torch.random.fork_rng(devices=[]):
         network = method.network()
     _fill(network, tensors, path)
@@ -109,7 +111,7 @@ def write_metrics(path: str | Path, trained: Trained, split: str, measures: dict
         If the file of weights holds another network by now, or there is something else at the
         place of the JSON file.
     """
-    path, beside = _name(path), _name(path).with_suffix(".json")
+    beside = _name(path).with_suffix(".json")
     if checksum(load_weights(path).network) != checksum(trained.network):
         raise ValueError(f"{path} is no longer the network that was measured; nothing is recorded")
     metrics = (read_metrics(path) if beside.exists() else {}) | {split: short(measures)}
@@ -136,7 +138,11 @@ def read_metrics(path: str | Path) -> dict[str, dict]:
 
 
 def short(value):
-    """The value with numbers of seven digits, and None for NaN, as JSON has it."""
+    """The value with numbers of seven digits, and None for NaN, as JSON has it.
+
+    >>> short({"mae": (1 / 3, math.nan)})
+    {'mae': [0.3333333, None]}
+    """
     if isinstance(value, dict):
         return {k: short(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -146,33 +152,33 @@ def short(value):
     return value
 
 
+def plain(value):
+    """The value as JSON gives it back.
+
+    >>> plain({"extremes": (0.0, 251.0)})
+    {'extremes': [0.0, 251.0]}
+    """
+    return json.loads(json.dumps(value))
+
+
 def checksum(network: nn.Module) -> str:
     """SHA-256 of all weights, in float32."""
     tensors = {k: v.cpu().float().contiguous() for k, v in network.state_dict().items()}
     return hashlib.sha256(save(tensors)).hexdigest()
 
 
-def _method(settings, path) -> Method:
-    """The method that `settings` describe; ValueError with the path if they describe none."""
-    try:
-        return method_of(settings)
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} describes no method of this version: {error}") from error
-
-
 def _fill(network: nn.Module, tensors: dict, path) -> None:
     """Put tensors into a network; ValueError unless names and shapes are the same."""
-    own = network.state_dict()
-    wrong = [k for k in own if k not in tensors or tensors[k].shape != own[k].shape]
-    wrong += [k for k in tensors if k not in own]
-    if wrong:
+    weights = network.state_dict()
+    wrong = [k for k in weights if k not in tensors or tensors[k].shape != weights[k].shape]
+    if wrong := wrong + [k for k in tensors if k not in weights]:
         raise ValueError(
             f"{path} does not fit the network it describes: {wrong[0]} and "
             f"{len(wrong) - 1} more are missing, extra or of another shape"
         )
     if not all(torch.isfinite(t).all() for t in tensors.values()):
         raise ValueError(f"{path} holds weights that are not finite")
-    network.load_state_dict({k: v.to(own[k].dtype) for k, v in tensors.items()})
+    network.load_state_dict({k: v.to(weights[k].dtype) for k, v in tensors.items()})
 
 
 def _name(path: str | Path) -> Path:

@@ -1,10 +1,20 @@
-"""DLALNet, three photographs to numerator and denominator of each (chapter 9)."""
+"""DLALNet: photographs of three pitches to numerator and denominator of each (chapter 9)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
 from torch import Tensor, nn
 
-from fpputil.networks.unet import UNet
+from fpputil.decoding.phase import wrapped_phase
+from fpputil.networks.geometry import Geometry
+from fpputil.networks.losses import Pixels, Weights, mean_squared
+from fpputil.networks.unet import UNet, checked
+from fpputil.optics.system import FREQUENCIES, STEPS, Frame
+
+NAMES = ("high", "mid", "unit")
 
 
 class DLALNet(nn.Module):
@@ -14,6 +24,11 @@ class DLALNet(nn.Module):
     ----------
     base, levels, dropout
         As of `SFNet`.
+
+    Examples
+    --------
+    >>> DLALNet(base=2, levels=2)(torch.zeros(1, 3, 12, 16)).shape
+    torch.Size([1, 3, 2, 12, 16])
     """
 
     def __init__(self, base: int = 8, levels: int = 6, dropout: float = 0.1):
@@ -24,3 +39,64 @@ class DLALNet(nn.Module):
     def forward(self, frames: Tensor) -> Tensor:
         """Of photographs (B, 3, H, W) of three pitches: M, then D of each, (B, 3, 2, H, W)."""
         return self.net(frames)[0].unflatten(1, (3, 2))
+
+
+@dataclass(frozen=True)
+class DLALNetMethod:
+    """DLALNet: step 0 at the high, mid and unit pitch, each to its M and D.
+
+    Parameters
+    ----------
+    base, levels, dropout
+        As of `SFNet`.
+    weights : Weights, optional
+        None for the plain squared error, as in the paper; otherwise the losses of SFNet.
+    """
+
+    base: int = 12
+    levels: int = 6
+    dropout: float = 0.1
+    weights: Weights | None = None
+
+    photographs: ClassVar[tuple[Frame, ...]] = tuple((name, STEPS, 0) for name in NAMES)
+    reference: ClassVar[str] = "unit"
+
+    def __post_init__(self):
+        checked(self)
+
+    def network(self) -> nn.Module:
+        """The network, its weights drawn from torch's generator."""
+        return DLALNet(self.base, self.levels, self.dropout)
+
+    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
+        """What the network sees of photographs (B, 3, H, W): those."""
+        return frames
+
+    def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
+        """phi of the high and of the unit pitch, radians, of outputs (B, 3, 2, ...) (Eq. 3)."""
+        phis = _wrapped(outputs)
+        return phis["high"], phis["unit"]
+
+    def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
+        """Phi of the high pitch, radians, by three-frequency unwrapping (Eq. 4-7)."""
+        return geometry.from_frequencies(_wrapped(outputs))
+
+    def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
+        """Mean squared error of M and D, or the losses of SFNet, (B,) each."""
+        pixels = Pixels.of(batch["mask"])
+        predicted = pixels.of_images(outputs)
+        which = [FREQUENCIES.index(name) for name in NAMES]
+        true = pixels.of_images(torch.stack([batch["M"][:, which], batch["D"][:, which]], 2))
+        if self.weights is None:
+            return {"total": mean_squared(pixels, predicted, true)}
+        phi_h, _ = self.phases(predicted)
+        components, targets = (a.flatten(1).unbind(1) for a in (predicted, true))
+        Phi = self.absolute_phase(predicted, geometry)
+        return self.weights.losses(
+            pixels, components, targets, phi_h, Phi, batch["Phi"][pixels.mask]
+        )
+
+
+def _wrapped(outputs: Tensor) -> dict[str, Tensor]:
+    pairs = zip(NAMES, outputs.unbind(1), strict=True)
+    return {name: wrapped_phase(*pair.unbind(1)) for name, pair in pairs}

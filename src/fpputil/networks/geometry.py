@@ -38,7 +38,13 @@ class Geometry:
 
     @classmethod
     def of(cls, system: System, pitches: Pitches, extremes=(0.0, 255.0)) -> Geometry:
-        """Geometry of a system and its pitches."""
+        """Geometry of a system and its pitches.
+
+        >>> from fpputil.optics import preset
+        >>> tiny = preset("tiny")
+        >>> Geometry.of(tiny.system, tiny.pitches).Phi_min["zmin"].shape
+        torch.Size([120, 160])
+        """
         lowest = {
             name: minimum_phase(system, pitch, ambiguous=name in ("high", "mid"))
             for name, pitch in pitches._asdict().items()

@@ -29,6 +29,15 @@ class Pixels:
         Number of the image that each pixel belongs to.
     across, down : pairs of (Q,) int64 tensors
         Positions, among the P, of pixels that both lie in the mask side by side.
+
+    Examples
+    --------
+    >>> mask = torch.tensor([[[True, True], [False, True]]])
+    >>> pixels = Pixels.of(mask)
+    >>> pixels.of_images(torch.tensor([[[1.0, 2.0], [3.0, 4.0]]]))
+    tensor([1., 2., 4.])
+    >>> pixels.across, pixels.down
+    ((tensor([0]), tensor([1])), (tensor([1]), tensor([2])))
     """
 
     mask: Tensor
@@ -66,13 +75,23 @@ class Pixels:
 
 
 def mean_squared(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
-    """Mean squared error of values (P,) or (P, ...): a term of Eq. 12. Chapter 8."""
+    """Mean squared error of values (P,) or (P, ...): a term of Eq. 12. Chapter 8.
+
+    >>> pixels = Pixels.of(torch.tensor([[[True, True]], [[True, False]]]))
+    >>> mean_squared(pixels, torch.tensor([1.0, 2.0, 3.0]), torch.zeros(3))  # of both images
+    tensor([2.5000, 9.0000])
+    """
     e = (predicted - true) ** 2
     return pixels.mean(e.flatten(1).mean(1) if e.ndim > 1 else e)
 
 
 def mean_absolute(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
-    """Mean absolute error of values (P,): ours, in place of the squares of Eq. 12. Chapter 8."""
+    """Mean absolute error of values (P,): ours, in place of the squares of Eq. 12. Chapter 8.
+
+    >>> pixels = Pixels.of(torch.tensor([[[True, True]]]))
+    >>> mean_absolute(pixels, torch.tensor([1.0, -2.0]), torch.zeros(2))
+    tensor([1.5000])
+    """
     return pixels.mean((predicted - true).abs())
 
 
@@ -81,6 +100,11 @@ def consistency(pixels: Pixels, phi: Tensor, Phi: Tensor) -> Tensor:
 
     A wrapped phase jumps, so the difference of the gradients is taken modulo 2 pi; that is the
     difference of the errors of neighbours. It needs both of them inside the mask.
+
+    >>> pixels = Pixels.of(torch.tensor([[[True, True]]]))
+    >>> Phi = torch.tensor([3.0, 3.5])  # the wrapped phase jumps between them
+    >>> consistency(pixels, wrap(Phi), Phi).round(decimals=4)
+    tensor([0.])
     """
 
     def direction(pair):
@@ -100,6 +124,12 @@ def geometric(pixels: Pixels, Phi: Tensor, *, mean: bool = False) -> Tensor:
     mean : bool
         Average over the pairs instead of adding up. The sum is scaled to as many pixels as the
         paper's pictures have, so that one weight serves every size.
+
+    Examples
+    --------
+    >>> pixels = Pixels.of(torch.tensor([[[True, True, True]]]))
+    >>> geometric(pixels, torch.tensor([1.0, 2.0, 4.0]), mean=True)
+    tensor([2.5000])
     """
     height, width = pixels.mask.shape[-2:]
     scale = 1 if mean else PAPER_PIXELS / (height * width)

@@ -38,5 +38,10 @@ def true_reference(method, item: dict):
 
 
 def phase_of(frames: Tensor) -> Tensor:
-    """Wrapped phase (B, ...) of predicted photographs (B, N, ...), radians (Eq. 2, 3)."""
+    """Wrapped phase (B, ...) of predicted photographs (B, N, ...), radians (Eq. 2, 3).
+
+    >>> delta = TWO_PI * torch.arange(5) / 5
+    >>> phase_of(0.5 + 0.5 * torch.cos(1.25 + delta)[None])
+    tensor([1.2500])
+    """
     return wrapped_phase(*numerator_denominator(frames.movedim(1, 0)))

@@ -96,6 +96,12 @@ class UNet(nn.Module):
     ------
     ValueError
         If a number is not positive or the dropout not in [0, 1).
+
+    Examples
+    --------
+    >>> network = UNet(3, (6, 1), base=2, levels=2, dropout=0.1)
+    >>> [tuple(maps.shape) for maps in network(torch.zeros(1, 3, 12, 16))]
+    [(1, 6, 12, 16), (1, 1, 12, 16)]
     """
 
     def __init__(self, frames: int, outputs: Sequence[int], base: int, levels: int, dropout: float):
@@ -164,3 +170,9 @@ def lowered(network: nn.Module, dtype: torch.dtype) -> nn.Module:
         if isinstance(part, Decoder):
             part.out.float()
     return copy
+
+
+def checked(method) -> None:
+    """Raise where options of a method's network are wrong, before any memory is taken for it."""
+    with torch.device("meta"):
+        method.network()

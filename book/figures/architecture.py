@@ -1,18 +1,30 @@
-"""A figure of the feature maps of a network, as they are when it runs (chapter 8)."""
+"""The figure of SFNet in chapter 8: every feature map of a forward pass, and the ways between them.
+
+``python book/figures/architecture.py`` writes ``book/assets/sfnet.svg``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
-import matplotlib.pyplot as plt
+import matplotlib as mpl
+import torch
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch, Rectangle
-from matplotlib.path import Path
+from torch import Tensor
 
-from fpputil.networks.complexity import Half, Shape, cost, trace
-from fpputil.networks.sfnet import SFNet
+from fpputil.networks.complexity import cost
+from fpputil.networks.sfnet import SFNet, SFNetMethod
 from fpputil.plotting import COLOURS
+
+OUT = Path(__file__).parents[1] / "assets" / "sfnet.svg"
+STYLE = {"svg.hashsalt": "sfnet", "svg.fonttype": "path", "font.family": "DejaVu Sans"}
 
 PITCHES, TARGETS = ("high pitch", "low pitch"), ("high pitch", "refined reference")
 COLOUR, JOINED, PLAIN = (COLOURS[0], COLOURS[1]), COLOURS[3], COLOURS[5]
@@ -30,36 +42,84 @@ TURNS = {
 }
 
 
-def draw(network: SFNet, size: tuple[int, int], ax: Axes | None = None) -> Axes:
-    """Figure of the feature maps of a network and of the ways between them. Chapter 8.
+Shape = tuple[int, int, int]
+"""Channels, height and width of a feature map."""
+
+
+@dataclass(frozen=True)
+class Half:
+    """Feature maps of one encoder and one decoder; lists finest first.
+
+    Parameters
+    ----------
+    input, deepest, output : Shape
+        Into the encoder, into the decoder, out of the decoder.
+    encoder : list of L Shapes
+        After the convolutions of each level.
+    skips, up, decoder : lists of L - 1 Shapes
+        Features that join, after each transposed convolution, after the convolutions.
+    """
+
+    input: Shape
+    encoder: Sequence[Shape]
+    deepest: Shape
+    skips: Sequence[Shape]
+    up: Sequence[Shape]
+    decoder: Sequence[Shape]
+    output: Shape
+
+
+def trace(network: SFNet, size: tuple[int, int]) -> tuple[Half, Half]:
+    """Shapes of the feature maps of both halves, high pitch first, of photographs (H, W)."""
+    network, shapes = deepcopy(network).eval(), {}  # so that the hooks go with the copy
+
+    def note(module, inputs, outputs):
+        shapes[module] = _shapes(inputs), _shapes(outputs)
+
+    for part in (*network.encoders, *network.decoders):
+        for module in part.modules():
+            module.register_forward_hook(note)
+    with torch.no_grad():
+        network(torch.zeros(1, sum(network.frames), *size))
+    high, low = zip(network.encoders, network.decoders, strict=True)
+    return _half(shapes, *high), _half(shapes, *low)
+
+
+def _half(shapes, encoder, decoder) -> Half:
+    ((first,), features), ((deepest, skips), output) = shapes[encoder], shapes[decoder]
+    up, refined = ([shapes[m][1] for m in part] for part in (decoder.up, decoder.levels))
+    return Half(first, features, deepest, skips, up, refined, output)
+
+
+def _shapes(tensors):
+    """Shapes of a tensor or of nested sequences of tensors, without the number of sets."""
+    if isinstance(tensors, Tensor):
+        return tuple(tensors.shape[1:])
+    return [_shapes(tensor) for tensor in tensors]
+
+
+def draw(network: SFNet, size: tuple[int, int]) -> Figure:
+    """Figure of the feature maps of a network and of the ways between them.
 
     A block grows with its channels in width and with its rows in height, both by a root.
 
     Parameters
     ----------
     network : SFNet
-        Left as it was.
     size : (H, W)
         Of the photographs, pixels.
-    ax : Axes, optional
-        By default of a new figure, 8 inches wide; the labels need as much of any other.
-
-    Returns
-    -------
-    Axes
-        Its artists have the gids "map", "way", "skip", "crossing" and "label".
     """
     halves, spent = trace(network, size), cost(network, size)
     top = _rows(halves[0])[0] + TALLEST / 2 + 0.2
-    if ax is None:
-        ax = plt.figure(figsize=(PAGE, 2 * top), layout="none").add_axes((0, 0, 1, 1))
+    figure = Figure(figsize=(PAGE, 2 * top), layout="none")
+    ax: Axes = figure.add_axes((0, 0, 1, 1))
     ax.set(xlim=(0, PAGE), ylim=(-top, top), aspect="equal")
     ax.axis("off")
     ends = [(_draw_encoder(ax, h, k), _draw_decoder(ax, h, k)) for k, h in enumerate(halves)]
     _draw_bottom(ax, halves[0], ends)
-    _draw_skips(ax, halves, ends)
+    _draw_skips(ax, ends)
     _explain(ax, halves[0], spent, size)
-    return ax
+    return figure
 
 
 def _box(shape: Shape, half: Half) -> tuple[float, float]:
@@ -124,13 +184,10 @@ def _draw_decoder(ax, half: Half, which: int) -> list[Rectangle]:
 
 
 def _draw_bottom(ax, half: Half, ends) -> None:
-    """From the deepest features to the decoders: joined in the middle, or each to its own."""
-    if half.deepest == half.encoder[-1]:
-        for encoder, up in ends:
-            _way(ax, encoder[-1], up[-1], "across")
-        return
+    """From the deepest features, joined in the middle, to both decoders."""
     encoder, up = ends[0]
-    x = (_right(encoder[-1]) + _lanes(up)) / 2
+    beside = up[-1].get_x() - LANE * (2 * len(up) + 1)
+    x = (_right(encoder[-1]) + beside) / 2
     joined = _block(ax, half.deepest, half, (x, 0), JOINED)
     _label(ax, f"joined {_text(half.deepest)}", joined.get_x() - 0.06, 0, "right")
     for encoder, up in ends:
@@ -138,49 +195,40 @@ def _draw_bottom(ax, half: Half, ends) -> None:
         _way(ax, joined, up[-1], "across")
 
 
-def _draw_skips(ax, halves, ends) -> None:
-    """Skips to the decoder of the same half, and, where more channels come in, to the other."""
-    for which, (half, (encoder, up)) in enumerate(zip(halves, ends, strict=True)):
-        for k, (a, b, joins) in enumerate(zip(encoder, up, half.skips, strict=False)):
-            _way(ax, a, b, colour=COLOUR[which], gid="skip")
-            if joins[0] > half.encoder[k][0]:
-                _cross(ax, b, _lanes(up) + LANE * (2 * k + which), COLOUR[1 - which])
-
-
-def _cross(ax, block, lane, colour) -> None:
-    """From the skip of the other half along a lane to a block of this one."""
-    y = block.get_center()[1]
-    beside = y - 0.05 if y > 0 else y + 0.05
-    path = Path([(lane, -y), (lane, beside), (block.get_x(), beside)])
-    _arrow(ax, colour, "crossing", path=path)
-    ax.plot(lane, -y, ".", markersize=4, color=colour)
-
-
-def _lanes(up) -> float:
-    """Where the lanes of the crossings begin from the left."""
-    return up[-1].get_x() - LANE * (2 * len(up) + 1)
+def _draw_skips(ax, ends) -> None:
+    """Skips from each encoder to the decoder of the same half."""
+    for colour, (encoder, up) in zip(COLOUR, ends, strict=True):
+        for a, b in zip(encoder, up, strict=False):
+            _way(ax, a, b, colour=colour)
 
 
 def _block(ax, shape, half, centre, colour, fill=None) -> Rectangle:
     width, height = _box(shape, half)
     corner = (centre[0] - width / 2, centre[1] - height / 2)
     look = {"facecolor": fill or colour, "edgecolor": colour, "linewidth": 0.8, "zorder": 3}
-    return ax.add_patch(Rectangle(corner, width, height, gid="map", **look))
+    return ax.add_patch(Rectangle(corner, width, height, **look))
 
 
-def _way(ax, a, b, turn="straight", head="-|>", colour="black", gid="way"):
+def _way(
+    ax,
+    a,
+    b,
+    turn="straight",
+    head="-|>",
+    colour="black",
+):
     """An arrow from the middle of a block, which hides its start, to the edge of another."""
     ends = {"posA": a.get_center(), "posB": b.get_center(), "patchB": b, "shrinkB": 0}
-    _arrow(ax, colour, gid, head, connectionstyle=TURNS[turn], shrinkA=0, **ends)
+    _arrow(ax, colour, head, connectionstyle=TURNS[turn], shrinkA=0, **ends)
 
 
-def _arrow(ax, colour, gid, head="-|>", **path):
+def _arrow(ax, colour, head="-|>", **path):
     look = {"arrowstyle": head, "mutation_scale": 6, "linewidth": 0.7, "zorder": 2}
-    ax.add_patch(FancyArrowPatch(color=colour, gid=gid, **look, **path))
+    ax.add_patch(FancyArrowPatch(color=colour, **look, **path))
 
 
 def _label(ax, text, x, y, align):
-    ax.text(x, y, text, ha=align, va="center", fontsize=SMALL, gid="label")
+    ax.text(x, y, text, ha=align, va="center", fontsize=SMALL)
 
 
 def _text(shape) -> str:
@@ -207,3 +255,15 @@ def _explain(ax, half, spent, size):
         f"{spent.multiply_adds:,} multiply-adds",
     ]
     _label(ax, "\n".join(lines), PAGE - 0.1, 0, "right")
+
+
+def write(path: Path = OUT) -> None:
+    """Write the figure that chapter 8 shows; the same bytes every time."""
+    torch.manual_seed(0)
+    with mpl.rc_context(STYLE):
+        figure = draw(SFNetMethod().network(), (120, 160))
+        figure.savefig(path, metadata={"Date": None})
+
+
+if __name__ == "__main__":
+    write()
