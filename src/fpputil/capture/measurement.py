@@ -28,8 +28,6 @@ SAMPLE = 64
 LINEAR = 0.04
 """A gamma as near to 1 as this leaves a second harmonic of one hundredth: not worth a change."""
 
-TEMPORAL = {"mf": unwrap.mf_tpu, "mw": unwrap.mw_tpu, "nt": unwrap.nt_tpu}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measurement:
@@ -225,7 +223,7 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
     pitches, width = [f.pitch for f in patterns.along(axis)], patterns.width(axis)
     if patterns.unwrap == "minimum":
         return _by_minimum(pitches, axis, system, size)
-    method = TEMPORAL[patterns.unwrap]
+    method = unwrap.TEMPORAL[patterns.unwrap]
     method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
     return lambda wrapped: method(list(wrapped), pitches, width)
 

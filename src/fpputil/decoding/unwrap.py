@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from array_api_compat import array_namespace
@@ -187,49 +186,6 @@ def mw_tpu(phis, pitches, width: float):
         raise ValueError(f"pitches {list(pitches)} given; of their beats: {error}") from error
     pairs = zip(phis, pitches, strict=True)
     return [absolute_phase(phi, fringe_order(phi, Phi_ref, min(beats) / p)) for phi, p in pairs]
-
-
-class Level(NamedTuple):
-    """Phases of one level of beats.
-
-    Parameters
-    ----------
-    pitches : list of float
-        Ascending.
-    Phis : list of (...) arrays
-        Absolute phases, radians.
-    parents : list of int
-        Of each the number j of the phase of the level before, whose difference from number
-        j + 1 it is; empty at the first level.
-    """
-
-    pitches: list[float]
-    Phis: list
-    parents: list[int]
-
-
-def by_beats(phis, pitches, width: float) -> list[Level]:
-    """Multi-wavelength unwrapping with all its beats: as `mw_tpu`, level by level. Chapter 4."""
-    check_pitches(phis, pitches, "ascend")
-    try:
-        return _levels(phis, list(pitches), width, [])
-    except ValueError as error:
-        raise ValueError(f"pitches {list(pitches)} given; of their beats: {error}") from error
-
-
-def _levels(phis, pitches, width, parents) -> list[Level]:
-    check_pitches(phis, pitches, "ascend")
-    if len(phis) == 1:
-        return [Level(pitches, [unit_phase(phis[0], pitches[0], width)], parents)]
-    beats = [beat(a, b) for a, b in zip(pitches, pitches[1:], strict=False)]
-    order = np.argsort(beats).tolist()
-    differences = [wrap(phis[j] - phis[j + 1]) for j in order]
-    coarser = _levels(differences, [beats[j] for j in order], width, order)
-    # Of the beats the shortest carries the least noise.
-    ref, Phi_ref = coarser[0].pitches[0], coarser[0].Phis[0]
-    pairs = zip(phis, pitches, strict=True)
-    Phis = [absolute_phase(phi, fringe_order(phi, Phi_ref, ref / pitch)) for phi, pitch in pairs]
-    return [Level(pitches, Phis, parents), *coarser]
 
 
 def nt_tpu(phis, pitches, width: int):
