@@ -20,7 +20,7 @@ from safetensors.torch import load_file
 
 from fpputil.cli import main
 from fpputil.dataset.generation import generate
-from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.models import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.experiments.recipes import CAMERA
 from fpputil.learning.checkpoint import read_about
