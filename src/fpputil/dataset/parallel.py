@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -73,13 +74,19 @@ def _processes(workers: int) -> Iterator[Executor]:
     # Spawned, not forked: Embree, BLAS and Zarr have threads that a fork would cut in half.
     # Ctrl-C reaches every process of a terminal; the first alone answers it.
     quiet = signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), *quiet)
     try:
-        with ProcessPoolExecutor(workers, get_context("spawn"), *quiet) as pool:
-            yield pool
+        yield pool
     except BrokenProcessPool:
         raise RuntimeError(
             f"a worker process was ended from outside (is the memory full?); {GOES_ON}"
         ) from None
+    finally:  # a second Ctrl-C must not cut the end short: workers would wait for ever
+        main = threading.current_thread() is threading.main_thread()
+        before = signal.signal(*quiet[1]) if main else None
+        pool.shutdown(cancel_futures=True)
+        if main:
+            signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
