@@ -122,10 +122,10 @@ def import_folder(
         If ``scenes.json`` is missing or not whole, the folder holds no scene, or none can be used.
     """
     folder = Path(folder)
-    about = _read_index(folder)
-    system, pitches, steps = system_from_dict(about["system"]), about["pitches"], about["steps"]
+    index = _read_index(folder)
+    system, pitches, steps = system_from_dict(index["system"]), index["pitches"], index["steps"]
     minimum_phase(system, pitches["zmin"])  # raises where the range is too long for the method
-    models = _models(folder, _objects(folder, about.get("scenes")), seed)
+    models = _models(folder, _objects(folder, index.get("scenes")), seed)
     views = max(len(m["scenes"]) for m in models)
     settings = {"preset": "imported", "views": views, "seed": seed}
     frames = [{"pitch": pitches[f], "steps": steps[f]} for f in FREQUENCIES]
@@ -135,9 +135,9 @@ def import_folder(
 
 def _read_index(folder: Path) -> dict:
     try:
-        about = json.loads((folder / INDEX).read_bytes())
-        system_from_dict(about["system"])
-        [Fringe(about["pitches"][f], about["steps"][f]) for f in FREQUENCIES]
+        index = json.loads((folder / INDEX).read_bytes())
+        system_from_dict(index["system"])
+        [Fringe(index["pitches"][f], index["steps"][f]) for f in FREQUENCIES]
     except FileNotFoundError:
         raise ValueError(f"{folder} holds no {INDEX}; it names system, pitches and steps") from None
     except (KeyError, TypeError, ValueError) as error:
@@ -145,7 +145,7 @@ def _read_index(folder: Path) -> dict:
             f"{folder / INDEX} is not whole ({type(error).__name__}: {error}); it names the "
             f"system, and pitches and steps of {', '.join(FREQUENCIES)}"
         ) from error
-    return about
+    return index
 
 
 def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], str | None]]:
@@ -161,10 +161,10 @@ def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], st
             raise ValueError(
                 f"split {split!r} given for {scene}; the splits are {', '.join(layout.SPLITS)}"
             )
-        own, before = objects.setdefault(str(entry.get("object", scene)), ([], split))
+        folders, before = objects.setdefault(str(entry.get("object", scene)), ([], split))
         if split != before:
-            raise ValueError(f"{own[0]} and {scene} show one object; they belong in one split")
-        own.append(scene)
+            raise ValueError(f"{folders[0]} and {scene} show one object; they belong in one split")
+        folders.append(scene)
     if not objects:
         raise ValueError(f"{folder} holds no scene; each is a folder of PNG files")
     return objects
@@ -174,12 +174,14 @@ def _models(folder: Path, objects: dict, seed: int) -> list[dict]:
     """Objects as models of a plan; one of many scenes is several, in the same split."""
     drawn = split_by_model(len(objects), seed)
     models = []
-    for (name, (scenes, given)), split in zip(objects.items(), drawn, strict=True):
+    for (name, (scenes, named)), split in zip(objects.items(), drawn, strict=True):
         for first in range(0, len(scenes), AT_ONCE):
-            own = scenes[first : first + AT_ONCE]
+            group = scenes[first : first + AT_ONCE]
             part = f"{name} ({first // AT_ONCE + 1})" if len(scenes) > AT_ONCE else name
-            sha256 = layout.digest("".join(_photographs_digest(folder / s) for s in own).encode())
-            models.append({"name": part, "scenes": own, "split": given or split, "sha256": sha256})
+            sha256 = layout.digest("".join(_photographs_digest(folder / s) for s in group).encode())
+            models.append(
+                {"name": part, "scenes": group, "split": named or split, "sha256": sha256}
+            )
     return models
 
 

@@ -20,11 +20,12 @@ HELD_OUT = ("camshaft", "fan", "lattice")
 """Families of parts that only the held-out split has."""
 
 MAX_BYTES = 150_000_000
-"""Size of the largest file that is loaded: a text STL file takes 7 bytes of memory for each of its
-own, 1.06 GB for 145 MB and 500,000 faces, a binary one of that size 1.9 GB."""
+"""Size of the largest file that is loaded. A text STL file takes 7 bytes of memory for each of its
+own, 1.06 GB for 145 MB and 500,000 faces; a binary one of that size holds 3 million faces."""
 
 MAX_FACES = 1_000_000
-"""Faces of the largest model that is used; to place it and build its tree takes 0.84 GB."""
+"""Faces of the largest model that is used, counted once it is loaded. To read, place and build the
+tree of a binary STL file of that many takes 0.84 GB, of two million 1.56 GB."""
 
 MAX_VERTICES = 1_500_000
 """Vertices of the largest model, three times those of a closed surface of `MAX_FACES`."""
