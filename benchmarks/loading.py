@@ -13,7 +13,7 @@ from torch.utils.data import DataLoader
 from benchmarks.networks import training_seconds
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.generation import generate
-from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.models import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.learning.devices import bfloat16_unit
 from fpputil.networks.methods import SFNetMethod

@@ -11,7 +11,7 @@ from torch.utils.data import DataLoader
 
 from benchmarks.timing import median_seconds
 from fpputil.dataset.generation import generate
-from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.models import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding.decoder import decode
 from fpputil.learning.devices import PRECISIONS, bfloat16_unit, forward

@@ -42,7 +42,7 @@ def paper_fringes(paper):
 def small_set(tmp_path_factory):
     """Ten models and one held out, two views each, at the preset "tiny"."""
     from fpputil.dataset.generation import generate
-    from fpputil.dataset.plan import seeded_models
+    from fpputil.dataset.models import seeded_models
 
     out = tmp_path_factory.mktemp("data") / "set"
     generate(out, "tiny", *seeded_models(10, 1), views=2)

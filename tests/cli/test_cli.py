@@ -9,7 +9,7 @@ import pytest
 
 from fpputil.cli import main
 from fpputil.dataset.generation import generate
-from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.models import seeded_models
 from fpputil.optics.parts import part
 
 
@@ -52,10 +52,10 @@ def test_a_damaged_dataset_is_named_and_fails(made, tmp_path, capsys):
     [
         (["--models", "0"], "models 0 given"),
         (["--preset", "huge"], "preset 'huge' given; the presets are tiny, small, paper"),
-        (["--folder", "nowhere"], "nowhere does not exist"),
+        (["--folder", "nowhere"], "nowhere given; a folder of mesh files"),
         (["--folder", ".", "--held-out", "2"], "only models from seeds have families"),
         (["--models", "3", "--views", "99"], "99 views given"),
-        (["--thingi10k", "--cache", "nowhere"], "does not hold Thingi10K"),
+        (["--thingi10k", "--cache", "nowhere"], "pip install 'fpputil[thingi10k]'"),
         (["--models", "3", "--seed", "-1"], "seed -1 given"),
         (["--models", "3", "--held-out", "-1"], "held_out -1 given"),
     ],

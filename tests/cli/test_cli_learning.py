@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from fpputil.cli import main
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.generation import generate
-from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.models import seeded_models
 from fpputil.learning import evaluation
 from fpputil.learning.log import read_log
 from fpputil.learning.weights import load_weights, read_metrics

@@ -5,14 +5,15 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
 import pytest
 
-from fpputil.dataset import parallel as engines
+from fpputil.dataset import parallel
 from fpputil.dataset.generation import generate
-from fpputil.dataset.plan import seeded_models
+from fpputil.dataset.models import seeded_models
 
 
 def double(x):
@@ -23,31 +24,35 @@ def fail(x):
     raise OSError(28, "No space left on device")
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_results_and_errors(workers):
-    assert sorted(engines.run(double, [(n,) for n in range(5)], workers)) == [0, 2, 4, 6, 8]
-    assert list(engines.run(double, [], workers)) == []
-    with pytest.raises(OSError, match="No space"):
-        list(engines.run(fail, [(1,), (2,)], workers))
+    with parallel.executor(workers) as pool:
+        assert sorted(parallel.run(double, [(n,) for n in range(5)], pool)) == [0, 2, 4, 6, 8]
+        assert list(parallel.run(double, [], pool)) == []
+        with pytest.raises(OSError, match="No space"):
+            list(parallel.run(fail, [(1,), (2,)], pool))
 
 
+def test_any_executor_will_do():
+    with ThreadPoolExecutor(2) as pool:
+        assert sorted(parallel.run(double, [(n,) for n in range(5)], pool)) == [0, 2, 4, 6, 8]
+
+
+@pytest.mark.slow
 def test_a_scheduler_that_does_not_answer(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(engines, "PATIENCE", 1)
+    monkeypatch.setattr(parallel, "PATIENCE", 1)
     with pytest.raises(RuntimeError, match="tcp://127.0.0.1:9 given; it does not answer"):
-        list(engines.run(double, [(1,)], scheduler="tcp://127.0.0.1:9"))
+        with parallel.executor(scheduler="tcp://127.0.0.1:9"):
+            pass
 
 
-@pytest.mark.parametrize("address", ["foo", "tcp://host", "127.0.0.1:8786"])
-def test_an_address_that_is_none(address):
-    with pytest.raises(ValueError, match="an address like tcp://host:8786 is needed"):
-        list(engines.run(double, [(1,)], scheduler=address))
-
-
+@pytest.mark.slow
 def test_jobs_after_an_error_are_not_started(tmp_path):
     jobs = [(0, str(tmp_path))] + [(n, str(tmp_path)) for n in range(1, 60)]
     with pytest.raises(OSError, match="No space"):
-        list(engines.run(touch_or_fail, jobs, 2))
+        with parallel.executor(2) as pool:
+            list(parallel.run(touch_or_fail, jobs, pool))
     assert len(list(tmp_path.iterdir())) < 30
 
 
@@ -61,7 +66,8 @@ def touch_or_fail(n, folder):
 def test_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(RuntimeError, match="Dask is missing: pip install"):
-        list(engines.run(double, [(1,)], scheduler="tcp://127.0.0.1:9"))
+        with parallel.executor(scheduler="tcp://127.0.0.1:9"):
+            pass
 
 
 @pytest.fixture
@@ -99,6 +105,7 @@ def wait_for(condition, seconds=60):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker(small_set, cluster, tmp_path):
     """The dataset is complete all the same, and no byte differs."""
     address, workers = cluster
@@ -125,6 +132,7 @@ def test_a_cluster_that_loses_a_worker(small_set, cluster, tmp_path):
     assert files == expected
 
 
+@pytest.mark.slow
 def test_a_cluster_that_goes_away(cluster, tmp_path):
     address, workers = cluster
     out = tmp_path / "set"
@@ -139,6 +147,7 @@ def test_a_cluster_that_goes_away(cluster, tmp_path):
     assert run.returncode == 1 and "the same command goes on" in said.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_generating_through_a_cluster_from_python(small_set, cluster, tmp_path):
     models = seeded_models(10, 1)
     manifest = generate(tmp_path / "set", "tiny", *models, views=2, scheduler=cluster[0])

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpputil.dataset.generation import make_model
-from fpputil.dataset.layout import SPLITS
-from fpputil.dataset.plan import plan_of, seeded_models
-from fpputil.dataset.store import Store, check, open_store
+from fpputil.dataset.generation import plan_of, see_model
+from fpputil.dataset.layout import SPLITS, put, view_files
+from fpputil.dataset.models import seeded_models
+from fpputil.dataset.store import Store, check_files, open_store
 
 TINY = Path(__file__).parents[2] / "data" / "tiny"
 
 
 def test_every_byte_is_as_it_was_written():
-    assert check(TINY) == []
+    assert check_files(TINY) == []
     assert sum(f.stat().st_size for f in TINY.rglob("*") if f.is_file()) < 8e6
 
 
@@ -33,7 +33,8 @@ def test_the_command_in_the_book_makes_it(number, tmp_path):
     plan = plan_of("tiny", *seeded_models(20, 4), 4, 0, 240.0)
     for key in ("settings", "system", "pitches", "models", "frames"):
         assert plan[key] == kept.manifest[key], key
-    make_model(str(tmp_path), plan, plan["models"][number], number, None)
+    _, stacks = see_model(plan, plan["models"][number], number, None)
+    put(tmp_path, view_files(plan, number, stacks))
     made = Store(tmp_path, kept.manifest)
     for index in range(4 * number, 4 * number + 4):
         a, b = kept.view(index), made.view(index)

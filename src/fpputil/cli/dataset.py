@@ -67,13 +67,13 @@ def _generate_parser(verbs) -> None:
 
 
 def _generate(options) -> None:
-    from fpputil.dataset import generation as generate
+    from fpputil.dataset.generation import generate
 
     models, held_out, root, notes = _models(options)
     for note in notes:
         print(f"note: {note}")
     start = time.perf_counter()
-    manifest = generate.generate(
+    manifest = generate(
         options.out, options.preset, models, held_out, root=root, views=options.views,
         seed=options.seed, size=options.size, workers=options.workers,
         scheduler=options.scheduler, progress=True,
@@ -85,7 +85,6 @@ def _generate(options) -> None:
 def _models(options):
     """Models, held-out models, their root folder, and notes on what was left out."""
     from fpputil.dataset import models as sources
-    from fpputil.dataset.plan import seeded_models
 
     if (options.folder or options.thingi10k) and options.held_out:
         raise ValueError("--held-out given; only models from seeds have families to hold out")
@@ -98,21 +97,19 @@ def _models(options):
         root, models, notes = sources.thingi10k(options.models, options.cache, options.download)
         return models, (), root, notes
     number = 500 if options.models is None else options.models
-    return *seeded_models(number, options.held_out, options.seed), None, ()
+    return *sources.seeded_models(number, options.held_out, options.seed), None, ()
 
 
 def _check(options) -> int:
-    from fpputil.dataset.store import check, open_store
+    from fpputil.dataset.store import check_files, open_store
 
-    wrong = check(options.path)
+    wrong = check_files(options.path)
     for line in wrong:
         print(line)
     if wrong:
         print("The command that made the dataset makes damaged and missing files anew.")
         return 1
-    print(
-        f"every byte is as it was written, content {open_store(options.path).manifest['content']}"
-    )
+    print(f"every byte is as it was written, content {open_store(options.path).checksum}")
     return 0
 
 

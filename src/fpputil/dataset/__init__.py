@@ -5,10 +5,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "models": ["Model", "load_model", "mesh_folder", "parts", "thingi10k"],
-        "plan": ["seeded_models"],
+        "models": ["Model", "load_model", "mesh_folder", "parts", "seeded_models", "thingi10k"],
         "generation": ["generate"],
-        "store": ["Store", "check", "open_store"],
+        "store": ["Store", "check_files", "open_store"],
         "augmentation": ["Augmentation"],
         "synthfringe": ["SynthFringe"],
         "folders": ["export_folder", "import_folder"],

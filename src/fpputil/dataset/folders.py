@@ -8,25 +8,25 @@ Chapter 7.
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from fpputil.capture.photographs import read_photograph
 from fpputil.dataset import layout
-from fpputil.dataset.fill import fill, finish_model, portable
-from fpputil.dataset.plan import new_plan, split_by_model
+from fpputil.dataset.generation import fill, new_plan, portable, split_by_model
 from fpputil.dataset.store import open_store
 from fpputil.decoding.decoder import decode
 from fpputil.decoding.geometric_constraint import minimum_phase
-from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
-from fpputil.files import write_whole
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.system import FREQUENCIES, STEPS, system_from_dict, system_to_dict
 
 INDEX = "scenes.json"
+UNFINISHED = "unfinished.json"  # says what an export is of; gone once all of it is there
 AT_ONCE = 12  # scenes that a worker holds in memory
 
 
@@ -40,7 +40,7 @@ def export_folder(
     path : str or Path
         A finished dataset.
     folder : str or Path
-        New or empty.
+        New, empty, or left by the same call, which then goes on.
     split : str, optional
         Of this split alone.
     noise : float
@@ -52,39 +52,53 @@ def export_folder(
         Number of scenes.
     """
     data, folder = open_store(path), Path(folder)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ValueError(f"{folder} is not empty; an export goes to a new or empty folder")
-    wanted = [
-        (name, i) for name in ([split] if split else data.splits()) for i in data.indices(name)
-    ]
-    folder.mkdir(exist_ok=True)
-    pitches, scenes = data.manifest["pitches"], {}
-    fringes = data.fringes or [Fringe(pitches[f], STEPS) for f in FREQUENCIES]
-    for name, index in wanted:
-        scene = f"scene-{index:06d}"
-        scenes[scene] = {"object": data.describe(index)["name"], "split": name}
-        _write_scene(folder / scene, fringes, data.photographs(index, fringes, noise))
-    steps = {name: fringe.steps for name, fringe in zip(FREQUENCIES, fringes, strict=True)}
-    about = {
+    splits = [split] if split else data.splits()
+    scenes = {f"scene-{i:06d}": (name, int(i)) for name in splits for i in data.indices(name)}
+    fringes = data.fringes or [Fringe(data.manifest["pitches"][f], STEPS) for f in FREQUENCIES]
+    names = _names(fringe.steps for fringe in fringes)
+    start = layout.dumps({"content": data.checksum, "split": split, "noise": noise})
+    _begin(folder, start)
+    for scene, (_, index) in scenes.items():
+        if not all((folder / scene / name).is_file() for name in names):
+            shutil.rmtree(folder / scene, ignore_errors=True)  # what a kill left of it
+            frames = data.photographs(index, fringes, noise)
+            pictures = (cv2.imencode(".png", frame)[1].tobytes() for frame in frames)
+            files = zip((f"{scene}/{name}" for name in names), pictures, strict=True)
+            layout.put(folder, dict(files))
+    table = {
         "system": system_to_dict(data.system),
-        "pitches": pitches,
-        "steps": steps,
-        "scenes": scenes,
+        "pitches": data.manifest["pitches"],
+        "steps": {name: fringe.steps for name, fringe in zip(FREQUENCIES, fringes, strict=True)},
+        "scenes": {
+            scene: {"object": data.describe(index)["name"], "split": name}
+            for scene, (name, index) in scenes.items()
+        },
     }
-    write_whole(folder / INDEX, layout.dumps(about))
+    layout.put(folder, {INDEX: layout.dumps(table)})
+    (folder / UNFINISHED).unlink()
     return len(scenes)
+
+
+def _begin(folder: Path, start: bytes) -> None:
+    """Say in a folder what its export is of, if it is new, empty or left by the same export."""
+    if folder.is_dir():
+        for file in folder.glob(layout.PARTIAL):
+            file.unlink()
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        mark = folder / UNFINISHED
+        if not mark.is_file() or mark.read_bytes() != start:
+            raise ValueError(
+                f"{folder} is not empty; an export goes to a new or empty folder, or goes on "
+                "where the same command was stopped"
+            )
+    folder.mkdir(exist_ok=True)
+    layout.put(folder, {UNFINISHED: start})
 
 
 def _names(steps: Iterable[int]) -> list[str]:
     """File names of a scene's photographs, in the order of `FREQUENCIES`."""
     pairs = zip(FREQUENCIES, steps, strict=True)
     return [f"{name}_{n:02d}.png" for name, count in pairs for n in range(count)]
-
-
-def _write_scene(folder: Path, fringes, frames: np.ndarray) -> None:
-    folder.mkdir()
-    for name, frame in zip(_names(f.steps for f in fringes), frames, strict=True):
-        write_whole(folder / name, cv2.imencode(".png", frame)[1].tobytes())
 
 
 def import_folder(
@@ -108,22 +122,22 @@ def import_folder(
         If ``scenes.json`` is missing or not whole, the folder holds no scene, or none can be used.
     """
     folder = Path(folder)
-    about = _read_index(folder)
-    system, pitches, steps = system_from_dict(about["system"]), about["pitches"], about["steps"]
+    index = _read_index(folder)
+    system, pitches, steps = system_from_dict(index["system"]), index["pitches"], index["steps"]
     minimum_phase(system, pitches["zmin"])  # raises where the range is too long for the method
-    models = _models(folder, _objects(folder, about.get("scenes")), seed)
+    models = _models(folder, _objects(folder, index.get("scenes")), seed)
     views = max(len(m["scenes"]) for m in models)
     settings = {"preset": "imported", "views": views, "seed": seed}
     frames = [{"pitch": pitches[f], "steps": steps[f]} for f in FREQUENCIES]
     plan = new_plan(settings, system, pitches, models, frames)
-    return fill(out, plan, import_model, folder, workers, progress=progress)
+    return fill(out, plan, import_scenes, folder, workers, progress=progress)
 
 
 def _read_index(folder: Path) -> dict:
     try:
-        about = json.loads((folder / INDEX).read_bytes())
-        system_from_dict(about["system"])
-        [Fringe(about["pitches"][f], about["steps"][f]) for f in FREQUENCIES]
+        index = json.loads((folder / INDEX).read_bytes())
+        system_from_dict(index["system"])
+        [Fringe(index["pitches"][f], index["steps"][f]) for f in FREQUENCIES]
     except FileNotFoundError:
         raise ValueError(f"{folder} holds no {INDEX}; it names system, pitches and steps") from None
     except (KeyError, TypeError, ValueError) as error:
@@ -131,7 +145,7 @@ def _read_index(folder: Path) -> dict:
             f"{folder / INDEX} is not whole ({type(error).__name__}: {error}); it names the "
             f"system, and pitches and steps of {', '.join(FREQUENCIES)}"
         ) from error
-    return about
+    return index
 
 
 def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], str | None]]:
@@ -147,10 +161,10 @@ def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], st
             raise ValueError(
                 f"split {split!r} given for {scene}; the splits are {', '.join(layout.SPLITS)}"
             )
-        own, before = objects.setdefault(str(entry.get("object", scene)), ([], split))
+        folders, before = objects.setdefault(str(entry.get("object", scene)), ([], split))
         if split != before:
-            raise ValueError(f"{own[0]} and {scene} show one object; they belong in one split")
-        own.append(scene)
+            raise ValueError(f"{folders[0]} and {scene} show one object; they belong in one split")
+        folders.append(scene)
     if not objects:
         raise ValueError(f"{folder} holds no scene; each is a folder of PNG files")
     return objects
@@ -160,12 +174,14 @@ def _models(folder: Path, objects: dict, seed: int) -> list[dict]:
     """Objects as models of a plan; one of many scenes is several, in the same split."""
     drawn = split_by_model(len(objects), seed)
     models = []
-    for (name, (scenes, given)), split in zip(objects.items(), drawn, strict=True):
+    for (name, (scenes, named)), split in zip(objects.items(), drawn, strict=True):
         for first in range(0, len(scenes), AT_ONCE):
-            own = scenes[first : first + AT_ONCE]
+            group = scenes[first : first + AT_ONCE]
             part = f"{name} ({first // AT_ONCE + 1})" if len(scenes) > AT_ONCE else name
-            sha256 = layout.digest("".join(_photographs_digest(folder / s) for s in own).encode())
-            models.append({"name": part, "scenes": own, "split": given or split, "sha256": sha256})
+            sha256 = layout.digest("".join(_photographs_digest(folder / s) for s in group).encode())
+            models.append(
+                {"name": part, "scenes": group, "split": named or split, "sha256": sha256}
+            )
     return models
 
 
@@ -175,11 +191,9 @@ def _photographs_digest(scene: Path) -> str:
     return layout.digest("".join(f.name + layout.digest(f.read_bytes()) for f in files).encode())
 
 
-def import_model(out: str, shared: dict, model: dict, number: int, root: str) -> dict:
-    """Decode the scenes of one object and write its shards, then its record."""
-    views = shared["settings"]["views"]
-    record = {"lit": [0] * views, "white": 0, "notes": []}
-    stacks = layout.empty_stacks(shared)
+def import_scenes(shared: dict, model: dict, number: int, root: str) -> tuple[dict, dict]:
+    """Record of an object, and its arrays (V, ...) by name, as its scenes show it."""
+    record, stacks = {"notes": []}, layout.empty_stacks(shared)
     for k, scene in enumerate(model["scenes"]):
         try:
             arrays = _decoded(shared, _read_scene(Path(root) / scene, shared))
@@ -188,33 +202,26 @@ def import_model(out: str, shared: dict, model: dict, number: int, root: str) ->
             continue
         for name, values in arrays.items():
             stacks[name][k] = values
-        record["lit"][k] = int(arrays["mask"].sum())
-        record["white"] = max(record["white"], int(arrays["frames"].max()))
-    if not any(record["lit"]):
+    if not stacks["mask"].any():
         record["skipped"] = "; ".join(record["notes"])
-    return finish_model(out, shared, number, record, stacks)
+    return record, stacks
 
 
 def _read_scene(folder: Path, shared: dict) -> np.ndarray:
     """All photographs of a scene, (F, H, W) uint8, in the order of `FREQUENCIES`."""
     camera = shared["system"]["camera"]
+    size = camera["height"], camera["width"]
     names = _names(f["steps"] for f in shared["frames"])
     missing = [n for n in names if not (folder / n).is_file()]
     if missing:
         raise ValueError(f"{len(missing)} of {len(names)} photographs are missing: {missing[:3]}")
-    frames = []
-    for name in names:
-        frame = cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)
-        if frame is not None and frame.ndim == 3:
-            frame = cv2.cvtColor(frame[..., :3], cv2.COLOR_BGR2GRAY)
-        if frame is None or frame.dtype != np.uint8:
-            raise ValueError(f"{name} is no whole 8-bit PNG file")
-        if frame.shape != (camera["height"], camera["width"]):
+    frames = [read_photograph(folder / name) for name in names]
+    for name, frame in zip(names, frames, strict=True):
+        if frame.dtype != np.uint8 or frame.shape != size:
             raise ValueError(
-                f"{name} has {frame.shape[1]} x {frame.shape[0]} pixels; the camera of {INDEX} "
-                f"has {camera['width']} x {camera['height']}"
+                f"{name} is {frame.shape[1]} x {frame.shape[0]} of {frame.dtype}; the camera of "
+                f"{INDEX} has {size[1]} x {size[0]}, and 8 bit are needed"
             )
-        frames.append(frame)
     return np.stack(frames)
 
 
@@ -222,18 +229,17 @@ def _decoded(shared: dict, frames: np.ndarray) -> dict[str, np.ndarray]:
     """Column, shade, depth and mask as the photographs show them."""
     system = system_from_dict(shared["system"])
     fringes = [Fringe(f["pitch"], f["steps"]) for f in shared["frames"]]
-    parts = dict(
-        zip(FREQUENCIES, np.split(frames, np.cumsum([f.steps for f in fringes])[:-1]), strict=True)
-    )
-    order = ("unit", "mid", "high")
-    chosen = [fringes[FREQUENCIES.index(k)] for k in order]
-    found = decode(
-        np.concatenate([parts[k] for k in order]), chosen, system.projector.width, THRESHOLD
-    )
-    columns = column(found.Phi, chosen[-1].pitch)
+    stacks = np.split(frames, np.cumsum([f.steps for f in fringes])[:-1])
+    order = [FREQUENCIES.index(name) for name in ("unit", "mid", "high")]
+    used = [fringes[k] for k in order]
+    decoded = decode(np.concatenate([stacks[k] for k in order]), used, system.projector.width)
+    columns = column(decoded.Phi, used[-1].pitch)
     z = depth_of(triangulate(columns, system), system)
-    mask = found.mask & np.isfinite(z)
-    shade = np.where(mask, 2 / 255 * found.modulation[-1], 0)
-    kept = {"column": columns, "depth": z}
-    kept = {k: np.where(mask, v, np.nan).astype(np.float32) for k, v in kept.items()}
-    return {**kept, "shade": shade.astype(np.float16), "mask": mask, "frames": frames}
+    mask = decoded.mask & np.isfinite(z)
+    return {
+        "column": np.where(mask, columns, np.nan).astype(np.float32),
+        "shade": np.where(mask, 2 / 255 * decoded.modulation[-1], 0).astype(np.float16),
+        "depth": np.where(mask, z, np.nan).astype(np.float32),
+        "mask": mask,
+        "frames": frames,
+    }

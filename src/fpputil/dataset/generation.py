@@ -1,28 +1,51 @@
-"""Making a SynthFringe dataset: models to views, on one machine or many (chapter 7)."""
+"""Making a SynthFringe dataset: models to views, on one machine or many (chapter 7).
+
+A *plan* says all that decides the content. One job makes one model whole and ends by writing its
+*record*, so a run that stops at any moment loses the models in flight and no other; the *manifest*
+takes in plan and records. Nothing that differs from run to run enters a file: the same call ends
+with the same bytes, however often it was stopped.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import json
+import platform
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
+from importlib.metadata import version
 from pathlib import Path
+from socket import gethostname
 
 import numpy as np
+from filelock import FileLock, Timeout
+from tqdm.std import tqdm
 
-from fpputil.dataset import layout
-from fpputil.dataset import models as sources
-from fpputil.dataset.fill import fill, finish_model, portable
-from fpputil.dataset.plan import POSES, plan_of
+from fpputil.checks import positive, seeded, whole
+from fpputil.dataset import layout, parallel
+from fpputil.dataset.models import Model, load_model
 from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.shapes import CENTRE, SIZE, place, rotation
-from fpputil.optics.system import System, system_from_dict
+from fpputil.optics.system import System, preset, system_from_dict, system_to_dict
+
+POSES = [(y, z) for y in range(0, 360, 60) for z in range(0, 360, 60)]
+"""The paper's 36 poses: degrees about y and about z."""
+
+ALBEDO = 0.9
+RECORDS = "records"
+"""Folder of the finished models' records, until the manifest takes them in."""
+
+_PACKAGES = ("fpputil", "numpy", "zarr", "numcodecs", "embreex", "manifold3d", "trimesh")
+_DECODERS = ("opencv-python-headless", "numba")
 
 
 def generate(
     out: str | Path,
     preset_name: str,
-    models: Sequence[sources.Model],
-    held_out: Sequence[sources.Model] = (),
+    models: Sequence[Model],
+    held_out: Sequence[Model] = (),
     *,
     root: str | Path | None = None,
     views: int = 36,
@@ -75,42 +98,109 @@ def generate(
         If another process generates into `out`, or a worker was ended from outside.
     OSError
         If a file cannot be written. What is finished stays, and the same call goes on.
+
+    Examples
+    --------
+    >>> from fpputil.dataset import seeded_models
+    >>> manifest = generate("set", "tiny", *seeded_models(20), views=4)  # doctest: +SKIP
     """
     plan = plan_of(preset_name, models, held_out, views, seed, size)
-    return fill(out, plan, make_model, root, workers, scheduler, progress)
+    return fill(out, plan, see_model, root, workers, scheduler, progress)
 
 
-def make_model(out: str, shared: dict, model: dict, number: int, root: str | None) -> dict:
-    """See one model in all its poses, write its shards, then its record, which is returned."""
-    settings = shared["settings"]
-    rng = np.random.default_rng((settings["seed"], number))
-    drawn = np.sort(rng.permutation(len(POSES))[: settings["views"]])
-    record = {
-        "pose": [POSES[k] for k in drawn],
-        "noise_seed": rng.integers(2**53, size=len(drawn)).tolist(),
-        "lit": [0] * len(drawn),
-        "white": 0,
-        "notes": [],
+# What to make
+
+
+def plan_of(preset_name, models, held_out, views, seed, size) -> dict:
+    """Plan of a dataset of a preset's views; parameters and errors as for `generate`."""
+    chosen = preset(preset_name)
+    whole("views", views, 1)
+    if views > len(POSES):
+        raise ValueError(f"{views} views given; the paper turns each model into {len(POSES)} poses")
+    largest = _largest_ball(chosen.system)
+    if positive("size", size, "mm") > largest:
+        raise ValueError(
+            f"size {size} mm given; a ball of more than {largest:.0f} mm does not fit in the "
+            "camera's view and the measuring range"
+        )
+    if not models:
+        raise ValueError("no model given; a dataset needs at least one")
+    splits = [*split_by_model(len(models), seed), *["held-out"] * len(held_out)]
+    entries = [{**asdict(m), "split": s} for m, s in zip([*models, *held_out], splits, strict=True)]
+    settings = {"preset": preset_name, "views": views, "seed": seed, "size": size, "albedo": ALBEDO}
+    return new_plan(settings, chosen.system, chosen.pitches._asdict(), entries)
+
+
+def _largest_ball(system: System) -> float:
+    """Diameter, mm, of the largest ball about `CENTRE` in view and measuring range."""
+    camera, z = system.camera, CENTRE[2]
+    slope = min(camera.width / camera.K[0, 0], camera.height / camera.K[1, 1]) / 2
+    return 2 * min(z - system.z_min, system.z_max - z, z * np.sin(np.arctan(slope)))
+
+
+def new_plan(settings: dict, system: System, pitches: dict, models: list[dict], frames=()) -> dict:
+    """All that decides the content of a dataset, as its manifest begins.
+
+    Parameters
+    ----------
+    settings : dict
+        What else decides it; at least ``views``, the views of each model.
+    system : System
+        Of all views.
+    pitches : dict
+        Pitch of the frequencies high, mid, zmin and unit.
+    models : list of dict
+        Name and split of each model, and whatever its maker needs.
+    frames : sequence of dict
+        Pitch and steps of stored photographs.
+    """
+    names = [m["name"] for m in models]
+    if len(set(names)) < len(names):
+        twice = sorted({n for n in names if names.count(n) > 1})
+        raise ValueError(f"models {twice} given twice; a model belongs to one split")
+    least = max(1, system.camera.width * system.camera.height // 1000)
+    packages = _PACKAGES + (_DECODERS if frames else ())
+    return {
+        "format": layout.FORMAT,
+        "version": layout.VERSION,
+        "complete": False,
+        "settings": {**settings, "models": len(models), "least": least},
+        "system": system_to_dict(system),
+        "pitches": pitches,
+        "frames": list(frames),
+        "models": models,
+        "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
     }
-    try:
-        mesh, notes = sources.load_model(_model(model), root)
-        record["notes"] += notes
-        stacks = _see(mesh, shared, record)
-    except (ValueError, FileNotFoundError) as error:
-        record["skipped"] = portable(error, root)
-        stacks = None
-    return finish_model(out, shared, number, record, stacks)
 
 
-def _model(entry: dict) -> sources.Model:
-    return sources.Model(**{k: v for k, v in entry.items() if k != "split"})
+def split_by_model(number: int, seed: int) -> list[str]:
+    """Split of each model, 8:1:1, drawn at random; from three models on none is empty.
+
+    Examples
+    --------
+    >>> split_by_model(3, seed=0)
+    ['test', 'training', 'validation']
+    """
+    tenth = max(1, round(number / 10)) if number >= 3 else 0
+    names = np.array(["training"] * number, object)
+    order = seeded(seed).permutation(number)
+    names[order[:tenth]], names[order[tenth : 2 * tenth]] = "validation", "test"
+    return names.tolist()
 
 
-def _see(mesh, shared: dict, record: dict) -> dict[str, np.ndarray]:
-    """Arrays (V, H, W) of a model's views; counts lit pixels and the brightest grey level."""
+# One model
+
+
+def see_model(shared: dict, model: dict, number: int, root: str | None) -> tuple[dict, dict]:
+    """Record of a model, and its arrays (V, H, W) by name: all its poses, or why there are none."""
     system, settings = system_from_dict(shared["system"]), shared["settings"]
-    stacks = layout.empty_stacks(shared)
-    tree = bvh(place(mesh, settings["size"]))
+    record, stacks = {**poses_of(settings, number), "notes": []}, layout.empty_stacks(shared)
+    try:
+        mesh, notes = load_model(Model(**{k: v for k, v in model.items() if k != "split"}), root)
+        tree = bvh(place(mesh, settings["size"]))
+    except (ValueError, FileNotFoundError) as error:
+        return {**record, "skipped": portable(error, root)}, stacks
+    record["notes"] += notes
     for k, pose in enumerate(record["pose"]):
         try:
             view = raycast(tree, turned(system, rotation(*pose)), albedo=settings["albedo"])
@@ -119,11 +209,15 @@ def _see(mesh, shared: dict, record: dict) -> dict[str, np.ndarray]:
             continue
         for name, stack in stacks.items():
             stack[k] = getattr(view, name)
-        record["lit"][k] = int(view.mask.sum())
-        if record["lit"][k] >= settings["least"]:
-            white = int(min(np.rint(255 * stacks["shade"][k].max().astype(float)), 255))
-            record["white"] = max(record["white"], white)
-    return stacks
+    return record, stacks
+
+
+def poses_of(settings: dict, number: int) -> dict[str, list]:
+    """Poses, degrees about y and z, of a model's views, and the seed of each view's noise."""
+    rng = np.random.default_rng((settings["seed"], number))
+    drawn = np.sort(rng.permutation(len(POSES))[: settings["views"]])
+    seeds = rng.integers(2**53, size=len(drawn)).tolist()
+    return {"pose": [list(POSES[k]) for k in drawn], "noise_seed": seeds}
 
 
 def turned(system: System, R: np.ndarray, centre=CENTRE) -> System:
@@ -137,3 +231,156 @@ def turned(system: System, R: np.ndarray, centre=CENTRE) -> System:
         return replace(pinhole, R=pinhole.R @ R, t=pinhole.t + pinhole.R @ (c - R @ c))
 
     return replace(system, camera=moved(system.camera), projector=moved(system.projector))
+
+
+def portable(error: Exception, root: str | None) -> str:
+    """An error's message without the folder, which differs from one machine to the next."""
+    return str(error).replace(f"{root}/", "").replace(str(root), ".") if root else str(error)
+
+
+# Make what is missing
+
+
+def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=False) -> dict:
+    """Make each model of a plan that has no record; the manifest, once all have.
+
+    ``make(shared, model, number, root)`` gives a model's record and arrays, as `see_model` does;
+    ``shared`` is the plan but for the models. Other parameters and errors are those of `generate`.
+    """
+    executor = parallel.executor(workers, scheduler)
+    out = Path(out).absolute()
+    root = None if root is None else str(Path(root).absolute())
+    shared = {k: plan[k] for k in ("settings", "system", "pitches", "frames")}
+    models, views = plan["models"], plan["settings"]["views"]
+    with _claim(out), executor as pool:
+        for file in out.rglob(layout.PARTIAL):  # of a run that was killed
+            file.unlink(missing_ok=True)
+        manifest, records = _finished(out, plan)
+        if manifest is None or len(records) < len(models):
+            lacking = (n for n in records if not (out / _record(n)).exists())
+            layout.put(out, {_record(n): layout.dumps(records[n]) for n in lacking})
+            layout.put(out, {layout.MANIFEST: layout.dumps(plan)})
+            manifest = None
+        layout.put(out, layout.metadata_files(plan))
+        jobs = [
+            (make, str(out), shared, model, number, root)
+            for number, model in enumerate(models)
+            if number not in records
+        ]
+        start = {"initial": len(records) * views, "unit": "view", "disable": not progress}
+        with tqdm(total=len(models) * views, **start) as bar:
+            for number, record in parallel.run(make_model, jobs, pool):
+                records[number] = record
+                bar.update(views)
+        if manifest is None:
+            manifest = _complete(out, plan, [records[n] for n in range(len(models))])
+            layout.put(out, {layout.MANIFEST: layout.dumps(manifest)})
+        shutil.rmtree(out / RECORDS, ignore_errors=True)
+        return manifest
+
+
+@contextmanager
+def _claim(out: Path) -> Iterator[None]:
+    """Hold the folder against other generators; the lock dies with its process."""
+    if not out.parent.is_dir():
+        raise ValueError(f"{out} given; its folder {out.parent} does not exist")
+    if not out.is_dir() and (out.exists() or out.is_symlink()):
+        raise ValueError(f"{out} is no folder; a dataset is a folder")
+    out.mkdir(exist_ok=True)
+    names = sorted(f.name for f in out.iterdir() if not f.match(layout.PARTIAL))
+    if layout.MANIFEST not in names and names not in ([], [layout.LOCK]):
+        raise ValueError(
+            f"{out} holds something else ({', '.join(names[:3])}); a dataset goes to a new or "
+            "empty folder"
+        )
+    try:
+        with FileLock(out / layout.LOCK, timeout=0):
+            yield
+    except Timeout:
+        raise RuntimeError(f"another process is generating into {out}; wait for it") from None
+
+
+def _finished(out: Path, plan: dict) -> tuple[dict | None, dict[int, dict]]:
+    """Manifest if the dataset is complete, and records, by number, of the undamaged models."""
+    manifest = layout.read_manifest(out) if (out / layout.MANIFEST).exists() else {}
+    plan = json.loads(layout.dumps(plan))
+    for key in (k for k in plan if manifest and k != "complete"):
+        if manifest.get(key) != plan[key]:
+            raise ValueError(f"{out} holds another dataset: {_change(manifest, plan, key)}")
+    records = {}
+    for number in range(len(plan["models"])):
+        with suppress(OSError, LookupError, TypeError, AttributeError, ValueError):  # none, damaged
+            record = (
+                manifest["records"][number]
+                if "records" in manifest
+                else json.loads((out / _record(number)).read_bytes())
+            )
+            if not faults(out, plan, number, record):
+                records[number] = record
+    return manifest if manifest.get("complete") else None, records
+
+
+def faults(path: Path, manifest: dict, number: int, record: dict) -> list[str]:
+    """What is wrong with the shards of a model, or with what its record says of them."""
+    wrong = layout.wrong_shards(path, record)
+    if wrong:
+        return wrong
+    stacks = layout.read_stacks(path, manifest, number, ("frames", "mask", "shade"))
+    facts = layout.lit_and_white(stacks, manifest["settings"]["least"])
+    if "pose" in record:
+        facts |= poses_of(manifest["settings"], number)
+    return [
+        f"{layout.MANIFEST}: {name} of model {number} is not as it was written"
+        for name in facts
+        if record[name] != facts[name]
+    ]
+
+
+def _change(there: dict, here: dict, key: str) -> str:
+    there, here = there.get(key), here[key]
+    if isinstance(there, dict):
+        names = sorted(k for k in {*there, *here} if there.get(k) != here.get(k))
+        return "; ".join(f"{key} {k} is {there.get(k)} there and {here.get(k)} here" for k in names)
+    return f"its {key} differ"
+
+
+def _record(number: int) -> str:
+    return f"{RECORDS}/{number:06d}.json"
+
+
+def make_model(
+    make, out: str, shared: dict, model: dict, number: int, root: str | None
+) -> tuple[int, dict]:
+    """Make a model, write its shards, then the record that says so; number and record.
+
+    Runs on a worker, which may be another machine.
+    """
+    folder = Path(out)
+    if not (folder / layout.MANIFEST).is_file():
+        raise RuntimeError(f"worker {gethostname()} does not see {out}; all workers must")
+    record, stacks = make(shared, model, number, root)
+    files = layout.view_files(shared, number, stacks)
+    layout.put(folder, files)
+    shards = {n: {"bytes": len(d), "sha256": layout.digest(d)} for n, d in files.items()}
+    facts = layout.lit_and_white(stacks, shared["settings"]["least"])
+    data = layout.dumps({**record, **facts, "shards": shards})
+    layout.put(folder, {_record(number): data})
+    return number, json.loads(data)
+
+
+def _complete(out: Path, plan: dict, records: list[dict]) -> dict:
+    """The manifest of a dataset all of whose models have a record."""
+    pairs = zip(records, plan["models"], strict=True)
+    white = [r["white"] for r, m in pairs if m["split"] == "training"]
+    if not any(white or [r["white"] for r in records]):
+        why = next((r["skipped"] for r in records if "skipped" in r), "nothing of it is lit")
+        raise ValueError(f"no training model for {out} could be used; the first: {why}")
+    manifest = {
+        **plan,
+        "complete": True,
+        "records": records,
+        # Black, and the brightest pixel of a training model in white light.
+        "extremes": [0, max(white)] if white else None,
+        "content": layout.content(records),
+    }
+    return json.loads(layout.dumps(manifest))

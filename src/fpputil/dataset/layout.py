@@ -23,9 +23,9 @@ from fpputil.files import write_whole
 
 FORMAT, VERSION = "SynthFringe", 1
 MANIFEST, LOCK = "manifest.json", ".lock"
+PARTIAL = "*.*-????????.part"  # what `write_whole` leaves behind if its process is killed
 PLAN = ("settings", "system", "pitches", "frames", "models")
 """Entries of a manifest that decide what the dataset holds."""
-
 
 SPLITS = ("training", "validation", "test", "held-out")
 
@@ -43,28 +43,62 @@ def dumps(data) -> bytes:
     return (json.dumps(data, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
 
 
-def array_files(name: str, shape: Sequence[int], dtype: str, values=None, at: int = 0) -> dict:
-    """Files of a Zarr array of views, or of one shard of it, as they go to disk.
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
 
-    Parameters
-    ----------
-    name : str
-        The array's folder.
-    shape : (N, V, ...) sequence
-        N models of V views each; the array has shape (N * V, ...).
-    dtype : str
-        NumPy's name of the type.
-    values : (V, ...) array, optional
-        Views of model `at`; without them only the array's metadata is made.
-    at : int
-        Which model.
 
-    Returns
-    -------
-    dict of str to bytes
-        Path below the dataset to content. A shard of nothing but empty pixels has no file.
+def put(path: Path, files: dict[str, bytes]) -> None:
+    """Write files below the dataset, each whole or not at all."""
+    for name, data in files.items():
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path / name, data)
+
+
+def array_kinds(manifest: dict) -> dict[str, str]:
+    """Names and types of a dataset's arrays; photographs are there if they were imported."""
+    return KINDS | ({"frames": "uint8"} if manifest["frames"] else {})
+
+
+def array_shapes(manifest: dict) -> dict[str, tuple[int, ...]]:
+    """(models, views, [photographs,] H, W) of each array."""
+    camera, settings = manifest["system"]["camera"], manifest["settings"]
+    views = settings["models"], settings["views"]
+    photographs = {"frames": (sum(f["steps"] for f in manifest["frames"]),)}
+    image = camera["height"], camera["width"]
+    return {k: (*views, *photographs.get(k, ()), *image) for k in array_kinds(manifest)}
+
+
+def empty(dtype: str) -> float:
+    """What a pixel without anything to see holds."""
+    return np.nan if dtype == "float32" else 0
+
+
+def empty_stacks(manifest: dict) -> dict[str, np.ndarray]:
+    """Arrays (V, ...) of one model without anything to see."""
+    shapes, kinds = array_shapes(manifest), array_kinds(manifest)
+    return {k: np.full(shapes[k][1:], empty(kind), kind) for k, kind in kinds.items()}
+
+
+def view_files(manifest: dict, at: int, stacks: dict[str, np.ndarray]) -> dict[str, bytes]:
+    """Shards of model `at`, path to content; `stacks` are (V, ...) arrays by name."""
+    return {k: v for name in stacks for k, v in _array(manifest, name, at, stacks[name]).items()}
+
+
+def metadata_files(manifest: dict) -> dict[str, bytes]:
+    """The arrays' metadata, path to content, so that any Zarr reader finds them."""
+    group = {"zarr_format": 3, "node_type": "group", "attributes": {}}
+    arrays = {k: v for name in array_kinds(manifest) for k, v in _array(manifest, name).items()}
+    return {"zarr.json": dumps(group), **arrays}
+
+
+def _array(manifest: dict, name: str, at: int = 0, values=None) -> dict[str, bytes]:
+    """Metadata of an array, or its shard of the views of model `at`: path to content.
+
+    A shard of nothing but empty pixels has no file.
     """
-    models, views, *rest = shape
+    models, views, *rest = array_shapes(manifest)[name]
+    dtype = array_kinds(manifest)[name]
     files = {}
     array = zarr.create_array(
         MemoryStore(files),
@@ -77,36 +111,10 @@ def array_files(name: str, shape: Sequence[int], dtype: str, values=None, at: in
         compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
         dimension_names=("view", "v", "u") if len(rest) == 2 else ("view", "frame", "v", "u"),
     )
-    wanted = f"{name}/zarr.json"
     if values is not None:
         array[at * views : (at + 1) * views] = values
-        wanted = f"{name}/c/"
+    wanted = f"{name}/zarr.json" if values is None else f"{name}/c/"
     return {k: v.to_bytes() for k, v in files.items() if k.startswith(wanted)}
-
-
-def view_files(manifest: dict, at: int, stacks: dict[str, np.ndarray]) -> dict[str, bytes]:
-    """Shards of model `at`, path to content; `stacks` are (V, H, W) arrays by name."""
-    shape = array_shapes(manifest)
-    files = {}
-    for name, dtype in array_kinds(manifest).items():
-        files |= array_files(name, shape[name], dtype, stacks[name], at)
-    return files
-
-
-def array_kinds(manifest: dict) -> dict[str, str]:
-    """Names and types of a dataset's arrays; photographs are there if they were imported."""
-    return KINDS | ({"frames": "uint8"} if manifest["frames"] else {})
-
-
-def array_shapes(manifest: dict) -> dict[str, tuple[int, ...]]:
-    """(models, views, ...) of each array."""
-    camera, settings = manifest["system"]["camera"], manifest["settings"]
-    image = (camera["height"], camera["width"])
-    count = settings["models"], settings["views"]
-    steps = sum(f["steps"] for f in manifest["frames"])
-    return {
-        k: (*count, *((steps,) if k == "frames" else ()), *image) for k in array_kinds(manifest)
-    }
 
 
 def read_chunk(file: Path, views: int, view: int) -> bytes | None:
@@ -131,6 +139,23 @@ def read_chunk(file: Path, views: int, view: int) -> bytes | None:
     return blosc.decompress(_checked(data))
 
 
+def read_stacks(path: Path, manifest: dict, number: int, names) -> dict[str, np.ndarray]:
+    """Arrays (V, ...) of model `number`, of these names if there are any."""
+    stacks = empty_stacks(manifest)
+    for name in stacks.keys() & set(names):
+        file = shard_file(path, name, number, stacks[name].ndim - 1)
+        for view, image in enumerate(stacks[name] if file.exists() else ()):
+            data = read_chunk(file, len(stacks[name]), view)
+            if data is not None:
+                image[:] = np.frombuffer(data, image.dtype).reshape(image.shape)
+    return stacks
+
+
+def shard_file(path: Path, name: str, number: int, axes: int) -> Path:
+    """File of the shard of model `number` of an array whose views have so many axes."""
+    return path / name / "c" / "/".join([str(number)] + ["0"] * axes)
+
+
 def _checked(data: bytes) -> np.ndarray:
     """Bytes without the CRC at their end."""
     try:
@@ -139,35 +164,30 @@ def _checked(data: bytes) -> np.ndarray:
         raise ValueError("its CRC is wrong") from None
 
 
-def empty_stacks(manifest: dict) -> dict[str, np.ndarray]:
-    """Arrays (V, ...) of one model without anything to see."""
-    shapes, kinds = array_shapes(manifest), array_kinds(manifest)
-    return {k: np.full(shapes[k][1:], empty(kind), kind) for k, kind in kinds.items()}
+def lit_and_white(stacks: dict[str, np.ndarray], least: int) -> dict:
+    """What a record says of its views: lit pixels of each, and the brightest grey level of all."""
+    lit = [int(mask.sum()) for mask in stacks["mask"]]
+    if "frames" in stacks:
+        return {"lit": lit, "white": int(stacks["frames"].max())}
+    shades = [s.max() for s, n in zip(stacks["shade"], lit, strict=True) if n >= least]
+    white = np.rint(255 * np.array(shades, float)).clip(max=255)
+    return {"lit": lit, "white": int(white.max(initial=0))}
 
 
-def empty(dtype: str) -> float:
-    """What a pixel without anything to see holds."""
-    return np.nan if dtype == "float32" else 0
-
-
-def metadata_files(manifest: dict) -> dict[str, bytes]:
-    """The arrays' metadata, path to content, so that any Zarr reader finds them."""
-    files = {"zarr.json": dumps({"zarr_format": 3, "node_type": "group", "attributes": {}})}
-    for name, shape in array_shapes(manifest).items():
-        files |= array_files(name, shape, array_kinds(manifest)[name])
-    return files
-
-
-def put(path: Path, files: dict[str, bytes]) -> None:
-    """Write files below the dataset, each whole or not at all."""
-    for name, data in files.items():
-        (path / name).parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path / name, data)
-
-
-def digest(data: bytes) -> str:
-    """SHA-256 in hexadecimal."""
-    return hashlib.sha256(data).hexdigest()
+def wrong_shards(path: Path, record: dict) -> list[str]:
+    """What is wrong with the shards of a record: a line each."""
+    wrong = []
+    for name, shard in record["shards"].items():
+        try:
+            data = (path / name).read_bytes()
+        except FileNotFoundError:
+            wrong.append(f"{name}: missing")
+        except OSError as error:
+            wrong.append(f"{name}: cannot be read ({error.strerror})")
+        else:
+            if (digest(data), len(data)) != (shard["sha256"], shard["bytes"]):
+                wrong.append(f"{name}: not as it was written")
+    return wrong
 
 
 def content(records: Sequence[dict]) -> str:
@@ -187,11 +207,6 @@ def _rounded(value):
     if isinstance(value, list | tuple):
         return [_rounded(entry) for entry in value]
     return round(value, 9) + 0.0 if isinstance(value, float) else value
-
-
-def seal(manifest: dict) -> str:
-    """SHA-256 of the manifest but for this very entry."""
-    return digest(dumps({k: v for k, v in manifest.items() if k != "seal"}))
 
 
 def read_manifest(path: str | Path) -> dict:
@@ -214,12 +229,9 @@ def read_manifest(path: str | Path) -> dict:
         raise ValueError(f"{path} holds no {MANIFEST}; it is not a dataset") from None
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path / MANIFEST} is damaged ({error}); generate anew") from error
-    if kind != FORMAT:
-        raise ValueError(f"{path} is of the format {kind!r}; {FORMAT} is needed")
-    if version not in range(1, VERSION + 1):
+    if kind != FORMAT or version != VERSION:
         raise ValueError(
-            f"{path} has format version {version}; this library reads up to {VERSION}: update it"
+            f"{path} is of format {kind!r} {version}; {FORMAT!r} {VERSION} is needed, newer ones "
+            "are read by a newer library"
         )
-    if manifest.get("complete") is not False and manifest.get("seal") != seal(manifest):
-        raise ValueError(f"{path / MANIFEST} is not as it was written; generate anew")
     return manifest

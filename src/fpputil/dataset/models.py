@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,21 +12,22 @@ from pathlib import Path
 import trimesh
 
 from fpputil.checks import whole
-from fpputil.dataset import thingi
-from fpputil.dataset.listing import different, digest, mesh_files
 from fpputil.optics.parts import FAMILIES, family_of, part
-from fpputil.optics.shapes import load_mesh
+from fpputil.optics.shapes import formats, load_mesh
+
+HELD_OUT = ("camshaft", "fan", "lattice")
+"""Families of parts that only the held-out split has."""
+
+MAX_BYTES = 150_000_000
+"""Size of the largest file that is loaded. A text STL file takes 7 bytes of memory for each of its
+own, 1.06 GB for 145 MB and 500,000 faces; a binary one of that size holds 3 million faces."""
 
 MAX_FACES = 1_000_000
-"""Faces of the largest model that is loaded, which keeps a process that reads it, places it and
-builds its tree below 1.25 GB: a binary STL file of that many takes 0.84 GB, of two million 1.56."""
+"""Faces of the largest model that is used, counted once it is loaded. To read, place and build the
+tree of a binary STL file of that many takes 0.84 GB, of two million 1.56 GB."""
 
 MAX_VERTICES = 1_500_000
 """Vertices of the largest model, three times those of a closed surface of `MAX_FACES`."""
-
-MAX_BYTES = 150_000_000
-"""Size of the largest file. Text needs this limit: a text STL file takes 7 bytes of memory for
-each of its own, 1.06 GB for 145 MB and 500,000 faces."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Model:
 def parts(
     number: int, families: Iterable[str] | str | None = None, first: int = 0
 ) -> tuple[Model, ...]:
-    """Machine parts, their seeds counting up.
+    """Machine parts, their seeds counting up. Chapter 7.
 
     Parameters
     ----------
@@ -72,9 +74,20 @@ def parts(
     ------
     ValueError
         If a family is unknown or none is given, or ``number`` or ``first`` is out of range.
+
+    Examples
+    --------
+    >>> [model.name for model in parts(2, "nut", first=10)]
+    ['part-00063', 'part-00068']
     """
     number, first = whole("number", number, 1), whole("first", first, 0)
-    wanted = _families(families)
+    families = FAMILIES if families is None else families
+    wanted = {families} if isinstance(families, str) else set(families)
+    if not wanted or wanted - set(FAMILIES):
+        raise ValueError(
+            f"families {sorted(wanted, key=str)} given; one or more of {', '.join(FAMILIES)} "
+            "are needed"
+        )
     drawn = ((seed, family_of(seed)) for seed in count(first))
     kept = ((seed, family) for seed, family in drawn if family in wanted)
     return tuple(
@@ -82,25 +95,45 @@ def parts(
     )
 
 
-def _families(names: Iterable[str] | str | None) -> set[str]:
-    if names is None:
-        return set(FAMILIES)
-    wanted = {names} if isinstance(names, str) else set(names)
-    unknown = sorted(wanted - set(FAMILIES), key=str)
-    if unknown or not wanted:
-        given = f"family {unknown[0]!r}" if unknown else "no family"
-        raise ValueError(f"{given} given; the families are {', '.join(FAMILIES)}")
-    return wanted
+def seeded_models(
+    number: int = 500, held_out: int | None = None, seed: int = 0
+) -> tuple[tuple[Model, ...], tuple[Model, ...]]:
+    """Parts for `generate`: common families, and those of `HELD_OUT` for a split of their own.
+
+    Parameters
+    ----------
+    number : int
+        Parts of the common families.
+    held_out : int, optional
+        Parts of the families held out; None takes a tenth of ``number``.
+    seed : int
+        Another seed draws other parts.
+
+    Returns
+    -------
+    models, held_out : tuples of Model
+
+    Examples
+    --------
+    >>> models, held_out = seeded_models(20)
+    >>> len(models), [model.family for model in held_out]
+    (20, ['fan', 'fan'])
+    """
+    tenth = whole("models", number, 1) // 10
+    held_out = tenth if held_out is None else whole("held_out", held_out, 0)
+    first = 1_000_000 * whole("seed", seed, 0)
+    common = parts(number, [family for family in FAMILIES if family not in HELD_OUT], first)
+    return common, parts(held_out, HELD_OUT, first) if held_out else ()
 
 
 def mesh_folder(
     root: str | os.PathLike, number: int | None = None
 ) -> tuple[tuple[Model, ...], tuple[str, ...]]:
-    """Mesh files in a folder and in the folders below it, in the order of their paths.
+    """Mesh files in a folder and in the folders below it, in the order of their paths. Chapter 7.
 
     A file with the bytes of an earlier one is left out: in training and test both, it would
-    make the test easier. So are links, which may lead anywhere or in circles, and names that
-    are not text. The files are not loaded: whether each holds a mesh is for `load` to find.
+    make the test easier. So are links, which may lead anywhere. The files are not loaded: whether
+    each holds a mesh is for `load_model` to find.
 
     Parameters
     ----------
@@ -117,19 +150,21 @@ def mesh_folder(
 
     Raises
     ------
-    FileNotFoundError, NotADirectoryError
+    NotADirectoryError
         If there is no such folder.
     ValueError
         If it has no mesh files, or fewer different ones than ``number``.
+
+    Examples
+    --------
+    >>> models, notes = mesh_folder("meshes")  # doctest: +SKIP
     """
     root = Path(root)
-    if not root.exists():
-        raise FileNotFoundError(f"{root} does not exist; a folder of mesh files is needed")
     if not root.is_dir():
-        raise NotADirectoryError(f"{root} is a file; the folder that holds it is needed")
-    paths, notes = mesh_files(root)
-    digests, notes = different(root, paths, number, notes)
-    return tuple(Model(path, "", -1, path, sha) for path, sha in digests.items()), notes
+        raise NotADirectoryError(f"{root} given; a folder of mesh files is needed")
+    files = [f for f in root.rglob("*") if f.is_symlink() or f.is_file()]
+    paths = [f.relative_to(root).as_posix() for f in files if f.suffix[1:].lower() in formats()]
+    return _different(root, {path: path for path in sorted(paths)}, number)
 
 
 def thingi10k(
@@ -137,18 +172,18 @@ def thingi10k(
 ) -> tuple[Path, tuple[Model, ...], tuple[str, ...]]:
     """Thingi10K, ten thousand models people made for 3D printers, in the order of their numbers.
 
-    Closed or not, all are taken: the camera sees surfaces alone, and the list follows from the
-    files, the same with and without the package ``thingi10k``. Only downloading needs that.
+    Closed or not, all are taken: the camera sees surfaces alone. The files are those of the
+    package ``thingi10k``, which keeps and finds them. Chapter 7.
 
     Parameters
     ----------
     number : int, optional
         The first so many; None takes all.
     cache : path, optional
-        The ``cache_dir`` of the package, which keeps its NPZ files or, taken if there are none
-        of those, the raw files below it; None is the package's own default.
+        The ``cache_dir`` of the package; None is the package's own default.
     download : bool
-        Download the NPZ files into the cache if it holds neither.
+        Let the package download, some gigabytes, what its cache lacks. Without it the package is
+        loaded off line, and stays so as long as the process lives.
 
     Returns
     -------
@@ -160,24 +195,72 @@ def thingi10k(
 
     Raises
     ------
-    FileNotFoundError
-        If the cache does not hold all of it and ``download`` is False.
-    ImportError, RuntimeError
-        If the package is needed and not installed; if the download fails.
+    ImportError
+        If the package is not installed.
+    RuntimeError
+        If the cache lacks something and ``download`` is False, or the download fails.
     ValueError
         If ``number`` is more than there are.
+
+    Examples
+    --------
+    >>> root, models, notes = thingi10k(500, download=True)  # doctest: +SKIP
     """
-    root = thingi.found(thingi.default_cache() if cache is None else Path(cache), download)
-    ids = thingi.ids(root)
-    digests, notes = different(root, ids, number)
-    models = (Model(f"thingi10k-{ids[path]}", "", -1, path, sha) for path, sha in digests.items())
-    return root, tuple(models), notes
+    if not download:
+        os.environ["HF_HUB_OFFLINE"] = "1"  # read by the package's libraries as they load
+    try:
+        import thingi10k as package
+    except ImportError as error:
+        raise ImportError(
+            f"the package thingi10k does not load ({error}); pip install 'fpputil[thingi10k]'"
+        ) from error
+    try:
+        package.init(variant="npz", cache_dir=None if cache is None else str(cache))
+    except RuntimeError as error:
+        raise RuntimeError(
+            f"Thingi10K is not there ({' '.join(str(error).split())}); ask for the download "
+            "(--download), with a connection to huggingface.co and room for some gigabytes"
+        ) from error
+    files = {entry["file_id"]: Path(entry["file_path"]) for entry in package.dataset()}
+    root = next(iter(files.values())).parent
+    names = {files[k].relative_to(root).as_posix(): f"thingi10k-{k}" for k in sorted(files)}
+    return root, *_different(root, names, number)
+
+
+def _different(
+    root: Path, names: dict[str, str], number: int | None
+) -> tuple[tuple[Model, ...], tuple[str, ...]]:
+    """The first files whose bytes differ, as models of these names, and notes on the others."""
+    least = 1 if number is None else whole("number", number, 1)
+    models: dict[str, Model] = {}
+    notes = []
+    for path, name in names.items():
+        if len(models) == number:
+            break
+        try:
+            sha256 = "" if (root / path).is_symlink() else _digest(root / path)
+        except OSError as error:
+            notes.append(f"{path} left out: {error.strerror}")
+            continue
+        if not sha256:
+            notes.append(f"{path} left out: a link")
+        elif sha256 in models:
+            notes.append(f"{path} left out: the same bytes as {models[sha256].path}")
+        else:
+            models[sha256] = Model(name, "", -1, path, sha256)
+    if len(models) < least:
+        but = f" ({len(notes)} left out; {notes[0]})" if notes else ""
+        raise ValueError(
+            f"{root} holds {len(models)} different mesh files{but}, {least} or more are needed; "
+            f"{', '.join(formats())} are read"
+        )
+    return tuple(models.values()), tuple(notes)
 
 
 def load_model(
     model: Model, root: str | os.PathLike | None = None
 ) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
-    """The mesh of a model, as it is: neither scaled nor moved.
+    """The mesh of a model, as it is: neither scaled nor moved. Chapter 7.
 
     Parameters
     ----------
@@ -198,51 +281,40 @@ def load_model(
         If the file is gone.
     ValueError
         If the model is to be passed over: its file cannot be read, has changed since it was
-        listed, lies outside the root, is larger than `MAX_BYTES` or has more than `MAX_FACES`
-        faces or `MAX_VERTICES` vertices; or the mesh has no faces, vertices that are not
-        finite, or all of them in one point.
+        listed or is larger than `MAX_BYTES`; or the mesh has more than `MAX_FACES` faces or
+        `MAX_VERTICES` vertices, no faces, vertices that are not finite, or all in one point.
+
+    Examples
+    --------
+    >>> mesh, notes = load_model(parts(1, "nut")[0])
+    >>> mesh.is_watertight, notes
+    (True, ())
     """
     if not model.path:
         return part(model.seed, model.family), ()
-    path = _below(root, model)
-    _check_size(path)
-    _check_unchanged(path, model)
-    mesh = load_mesh(path)
-    _check_counts(path, len(mesh.vertices), len(mesh.faces))
-    if not mesh.extents.any():
-        raise ValueError(f"{path} has all its vertices in one point; a mesh needs an extent")
-    return mesh, () if mesh.is_watertight else ("not watertight",)
-
-
-def _below(root: str | os.PathLike | None, model: Model) -> Path:
     if root is None:
         raise ValueError(f"{model.name} is a file; the folder it was listed from is needed")
     path = Path(root, model.path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is gone; it was there when its folder was listed")
-    if not path.resolve().is_relative_to(Path(root).resolve()):
-        raise ValueError(f"{model.path} given; a file below {root} is needed")
-    return path
-
-
-def _check_size(path: Path) -> None:
-    """Refuse what would not fit into memory, without loading it."""
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise ValueError(f"{path} has {size / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB fit")
-
-
-def _check_unchanged(path: Path, model: Model) -> None:
-    try:
-        now = digest(path)
-    except OSError as error:
-        raise ValueError(f"{path} cannot be read ({error.strerror})") from error
-    if now != model.sha256:
+    if _digest(path) != model.sha256:
         raise ValueError(f"{path} has changed since it was listed; list its folder anew")
+    mesh = load_mesh(path)
+    for what, number, most in (
+        ("faces", len(mesh.faces), MAX_FACES),
+        ("vertices", len(mesh.vertices), MAX_VERTICES),
+    ):
+        if number > most:
+            raise ValueError(f"{path} has {number:,} {what}; at most {most:,} fit into memory")
+    if not mesh.extents.any():
+        raise ValueError(f"{path} has all its vertices in one point; a mesh needs an extent")
+    return mesh, () if mesh.is_watertight else ("not watertight",)
 
 
-def _check_counts(path: Path, vertices: int, faces: int) -> None:
-    limits = ("faces", faces, MAX_FACES), ("vertices", vertices, MAX_VERTICES)
-    for what, found, most in limits:
-        if found > most:
-            raise ValueError(f"{path} has {found:,} {what}; at most {most:,} fit into memory")
+def _digest(path: Path) -> str:
+    """SHA-256 of the bytes of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -2,42 +2,50 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
-from multiprocessing import get_context, parent_process
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from multiprocessing import get_context
 
 from fpputil.checks import whole
-from fpputil.signals import answered
 
 PATIENCE = 10  # seconds that a scheduler has to answer
+GOES_ON = "what is finished stays, and the same command goes on"
 
 
-def check(workers: int, scheduler: str | None) -> None:
-    """ValueError unless there is a worker, and a scheduler's address has a scheme and a port."""
-    whole("workers", workers, 1)
-    if scheduler is not None and not re.fullmatch(r"\w+://.+:\d+", scheduler):
-        raise ValueError(
-            f"scheduler {scheduler!r} given; an address like tcp://host:8786 is needed"
-        )
+def run(function: Callable, jobs: Sequence[tuple], executor: Executor | None = None) -> Iterator:
+    """Results of ``function(*job)`` as they are done, in any order; without executor, in order.
+
+    On an error or Ctrl-C, jobs in flight end and the others never start.
+
+    Examples
+    --------
+    >>> list(run(pow, [(2, 3), (3, 2)]))
+    [8, 9]
+    """
+    if executor is None:
+        yield from (function(*job) for job in jobs)
+        return
+    futures = [executor.submit(function, *job) for job in jobs]
+    try:
+        for future in as_completed(futures):
+            yield future.result()
+    finally:
+        for future in futures:
+            future.cancel()
 
 
-def run(
-    function: Callable, jobs: Sequence[tuple], workers: int = 1, scheduler: str | None = None
-) -> Iterator:
-    """Results of ``function(*job)`` as they are done, in any order.
+def executor(
+    workers: int = 1, scheduler: str | None = None
+) -> AbstractContextManager[Executor | None]:
+    """What `run` works with: nothing for one worker, processes, or the workers of a Dask scheduler.
 
     Parameters
     ----------
-    function : callable
-        Importable by name, so that other processes find it.
-    jobs : sequence of tuple
-        Arguments of each call.
     workers : int
         Processes; 1 works in this one.
     scheduler : str, optional
@@ -49,56 +57,36 @@ def run(
     ValueError
         If there are no workers, or the address is none.
     RuntimeError
-        If a worker was ended from outside, or the scheduler cannot be reached or goes away.
+        Inside: if a worker was ended from outside, or the scheduler cannot be reached or goes away.
     """
-    check(workers, scheduler)
-    if not jobs:
-        return
-    if workers == 1 and scheduler is None:
-        yield from (function(*job) for job in jobs)
-        return
-    with _processes(workers) if scheduler is None else _cluster(scheduler) as executor:
-        futures = []
-        try:
-            with _without_interrupts():  # workers that start now inherit the deafness
-                futures += [executor.submit(function, *job) for job in jobs]
-            for future in as_completed(futures):
-                yield future.result()
-        finally:  # on an error or Ctrl-C, jobs in flight end and the others never start
-            for future in futures:
-                future.cancel()
+    whole("workers", workers, 1)
+    if scheduler is None:
+        return nullcontext() if workers == 1 else _processes(workers)
+    if not re.fullmatch(r"\w+://.+:\d+", scheduler):
+        raise ValueError(
+            f"scheduler {scheduler!r} given; an address like tcp://host:8786 is needed"
+        )
+    return _cluster(scheduler)
 
 
 @contextmanager
 def _processes(workers: int) -> Iterator[Executor]:
     # Spawned, not forked: Embree, BLAS and Zarr have threads that a fork would cut in half.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker)
+    # Ctrl-C reaches every process of a terminal; the first alone answers it.
+    quiet = signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), *quiet)
     try:
         yield pool
     except BrokenProcessPool:
         raise RuntimeError(
-            "a worker process was ended from outside (is the memory full?); "
-            "what is finished stays, and the same command goes on"
+            f"a worker process was ended from outside (is the memory full?); {GOES_ON}"
         ) from None
-    finally:
-        with _without_interrupts():  # a second Ctrl-C must not cut the end short
-            pool.shutdown(cancel_futures=True)
-
-
-def _without_interrupts():
-    return answered(signal.SIG_IGN, signal.SIGINT)
-
-
-def _begin_worker() -> None:
-    # Ctrl-C reaches every process of a terminal; only the first of them answers it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for ever; nothing it writes can be half."""
-    parent_process().join()
-    os._exit(1)
+    finally:  # a second Ctrl-C must not cut the end short: workers would wait for ever
+        main = threading.current_thread() is threading.main_thread()
+        before = signal.signal(*quiet[1]) if main else None
+        pool.shutdown(cancel_futures=True)
+        if main:
+            signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
@@ -121,7 +109,7 @@ def _cluster(address: str) -> Iterator[Executor]:
     except (CancelledError, KilledWorker) as error:
         raise RuntimeError(
             f"the cluster of {address} is gone or loses its workers ({type(error).__name__}); "
-            "what is finished stays, and the same command goes on"
+            f"{GOES_ON}"
         ) from None
     finally:
         with suppress(OSError, RuntimeError):

@@ -54,25 +54,27 @@ class Store:
     def _rays(self) -> np.ndarray:
         return self.system.camera.rays()
 
+    @cached_property
+    def _indices(self) -> dict[str, list[int]]:
+        """Numbers of the views that show enough of their model, by split."""
+        settings, indices = self.manifest["settings"], {split: [] for split in layout.SPLITS}
+        pairs = zip(self.manifest["models"], self.manifest["records"], strict=True)
+        for number, (model, record) in enumerate(pairs):
+            lit = np.flatnonzero(np.array(record["lit"]) >= settings["least"])
+            indices[model["split"]] += (number * settings["views"] + lit).tolist()
+        return indices
+
+    def splits(self) -> list[str]:
+        """Names of the splits that have a view to show."""
+        return [split for split in layout.SPLITS if self._indices[split]]
+
     def indices(self, split: str) -> np.ndarray:
         """Numbers of the views of a split that show enough of their model, (n,) int."""
         if split not in layout.SPLITS:
             raise ValueError(f"split {split!r} given; the splits are {', '.join(layout.SPLITS)}")
-        found = self._numbers(split)
-        if not found:
+        if not self._indices[split]:
             raise ValueError(f"{self.path} holds no view of the split {split!r}")
-        return np.array(found)
-
-    def _numbers(self, split: str) -> list[int]:
-        settings, models = self.manifest["settings"], self.manifest["models"]
-        pairs = zip(models, self.manifest["records"], strict=True)
-        return [
-            number * settings["views"] + k
-            for number, (model, record) in enumerate(pairs)
-            if model["split"] == split
-            for k, lit in enumerate(record["lit"])
-            if lit >= settings["least"]
-        ]
+        return np.array(self._indices[split])
 
     def _place(self, index: int) -> tuple[int, int]:
         """Model and pose of a view; ValueError if there is no such view."""
@@ -81,26 +83,23 @@ class Store:
             raise ValueError(f"view {index} given; {self.path} has views 0 to {models * views - 1}")
         return divmod(int(index), views)
 
-    def splits(self) -> list[str]:
-        """Names of the splits that have a view to show."""
-        return [s for s in layout.SPLITS if self._numbers(s)]
-
     def array(self, name: str, index: int) -> np.ndarray:
         """One array of one view, (H, W) or for "frames" (F, H, W)."""
         views, *shape = layout.array_shapes(self.manifest)[name][1:]
         dtype = np.dtype(layout.array_kinds(self.manifest)[name])
         model, view = self._place(index)
-        file = self.path / name / "c" / "/".join([str(model)] + ["0"] * len(shape))
         try:
-            data = layout.read_chunk(file, views, view)
-            if data is None:
-                return np.full(shape, layout.empty(dtype.name), dtype)
-            return np.frombuffer(data, dtype).reshape(shape)
+            data = layout.read_chunk(
+                layout.shard_file(self.path, name, model, len(shape)), views, view
+            )
         except (OSError, ValueError, RuntimeError) as error:
             raise ValueError(
                 f"{name} of view {index} in {self.path} cannot be read "
                 f"({type(error).__name__}: {error}); run: fpp dataset check {self.path}"
             ) from error
+        if data is None:
+            return np.full(shape, layout.empty(dtype.name), dtype)
+        return np.frombuffer(data, dtype).reshape(shape)
 
     def view(self, index: int) -> View:
         """What the camera sees in view `index`; photograph it under any pattern.
@@ -136,8 +135,8 @@ class Store:
             return self.view(index).frames(fringes, noise, self.describe(index)["noise_seed"])
         if noise:
             raise ValueError(f"noise {noise} given; {self.path} holds photographs as they are")
-        which = [self.position(f, n) for f in fringes for n in range(f.steps)]
-        return self.array("frames", index)[which]
+        wanted = [self.position(f, n) for f in fringes for n in range(f.steps)]
+        return self.array("frames", index)[wanted]
 
     def position(self, fringe: Fringe, step: int) -> int:
         """Position of a photograph among the stored ones: equal pitch, equal shift.
@@ -148,11 +147,11 @@ class Store:
             If it is not among them.
         """
         first = 0
-        for kept in self.fringes:
-            found = np.flatnonzero(np.isclose(kept.shifts, fringe.shifts[step]))
-            if kept.pitch == fringe.pitch and len(found):
-                return first + int(found[0])
-            first += kept.steps
+        for stored in self.fringes:
+            same = np.flatnonzero(np.isclose(stored.shifts, fringe.shifts[step]))
+            if stored.pitch == fringe.pitch and len(same):
+                return first + int(same[0])
+            first += stored.steps
         raise ValueError(
             f"step {step} of {fringe.steps} at pitch {fringe.pitch} asked for; {self.path} holds "
             f"{[(f.pitch, f.steps) for f in self.fringes]} (pitch, steps)"
@@ -161,41 +160,65 @@ class Store:
     def describe(self, index: int) -> dict:
         """Model, split, pose (degrees about the paper's y and z) and noise seed of view `index`."""
         number, view = self._place(index)
-        model, record = self.manifest["models"][number], self.manifest["records"][number]
-        own = {k: record[k][view] for k in ("pose", "noise_seed") if k in record}
-        return {**model, "number": number, **own}
+        record = self.manifest["records"][number]
+        drawn = {k: record[k][view] for k in ("pose", "noise_seed") if k in record}
+        return {**self.manifest["models"][number], "number": number, **drawn}
 
 
 def open_store(path: str | Path) -> Store:
-    """A finished dataset; ValueError if it is not finished, damaged or too new."""
+    """A finished dataset; ValueError if it is not finished, damaged or too new. Chapter 7.
+
+    Examples
+    --------
+    >>> store = open_store("data/tiny")  # the one that ships with the book
+    >>> store.splits(), len(store.indices("training"))
+    (['training', 'validation', 'test', 'held-out'], 64)
+    >>> store.view(0).mask.shape
+    (120, 160)
+    """
     path, manifest = Path(path), layout.read_manifest(path)
-    if not manifest["complete"]:
+    if not manifest.get("complete"):
         raise ValueError(
             f"{path} is not finished; run the command that generates it again, it goes on"
         )
     return Store(path, manifest)
 
 
-def check(path: str | Path) -> list[str]:
-    """What is wrong with the files of a finished dataset: flipped bytes, missing or foreign shards.
+def check_files(path: str | Path) -> list[str]:
+    """What is wrong with the files of a finished dataset. Chapter 7.
+
+    Shards are held against their records, records against shards and seeds, and the arrays'
+    metadata, which serve other readers, against what the same version of Zarr writes.
 
     Returns
     -------
     list of str
-        One line a file; empty if every byte is as it was written.
+        One line a fault; empty if every byte is as it was written.
+
+    Examples
+    --------
+    >>> check_files("data/tiny")
+    []
     """
+    from fpputil.dataset.generation import faults
+
     store = open_store(path)
-    files = {n: s["sha256"] for r in store.manifest["records"] for n, s in r["shards"].items()}
-    files |= store.manifest["metadata"]
-    wrong = []
-    for name, sha256 in files.items():
-        try:
-            if layout.digest((store.path / name).read_bytes()) != sha256:
-                wrong.append(f"{name}: not as it was written")
-        except FileNotFoundError:
+    records = store.manifest["records"]
+    wrong = [
+        line
+        for number, record in enumerate(records)
+        for line in faults(store.path, store.manifest, number, record)
+    ]
+    if layout.content(records) != store.checksum:
+        wrong.append(f"{layout.MANIFEST}: its records are not as they were written")
+    metadata = layout.metadata_files(store.manifest)
+    same = store.manifest["versions"]["zarr"] == layout.zarr.__version__
+    for name, data in metadata.items():
+        file = store.path / name
+        if not file.is_file():
             wrong.append(f"{name}: missing")
-        except OSError as error:
-            wrong.append(f"{name}: cannot be read ({error.strerror})")
-    found = {f.relative_to(store.path).as_posix() for f in store.path.rglob("*") if f.is_file()}
-    foreign = sorted(found - set(files) - {layout.MANIFEST, layout.LOCK})
-    return wrong + [f"{name}: not part of the dataset" for name in foreign]
+        elif same and file.read_bytes() != data:
+            wrong.append(f"{name}: not as it was written")
+    known = {*metadata, layout.MANIFEST, layout.LOCK, *(n for r in records for n in r["shards"])}
+    names = {f.relative_to(store.path).as_posix() for f in store.path.rglob("*") if f.is_file()}
+    return wrong + [f"{name}: not part of the dataset" for name in sorted(names - known)]

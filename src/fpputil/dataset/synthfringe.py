@@ -151,7 +151,7 @@ class SynthFringe(Dataset):
         _, Phi_t, Phi = mf_tpu(phi[[unit, mid, high]], (p.unit, p.mid, p.high), width)
         K_z = zmin_order(phi[zmin], self.Phi_min[lit].astype(np.float32))
         phi_r, M_r, D_r = refined_reference(Phi_t, K_z, p.mid, p.zmin)
-        seen = phase.mask(modulation, self.threshold)
+        mask = phase.mask(modulation, self.threshold)
         values = {
             "M": -np.sin(phi),
             "D": np.cos(phi),
@@ -163,15 +163,15 @@ class SynthFringe(Dataset):
             "depth": view.depth[lit],
             "modulation": modulation,
         }
-        images = {k: _image(lit, np.where(seen, v, 0)) for k, v in values.items()}
-        return {**images, "mask": _image(lit, seen)}
+        images = {k: _image(lit, np.where(mask, v, 0)) for k, v in values.items()}
+        return {**images, "mask": _image(lit, mask)}
 
     def _sums(self, flat: View, lit, stored, name: str, gain: float):
         """M, D (P,) of the lit pixels at one frequency, and the number of steps behind them."""
         if stored is not None:
             fringe = self.store.fringes[FREQUENCIES.index(name)]
-            which = [self.store.position(fringe, n) for n in range(fringe.steps)]
-            frames = stored[which][:, lit]
+            wanted = [self.store.position(fringe, n) for n in range(fringe.steps)]
+            frames = stored[wanted][:, lit]
         else:
             fringe = Fringe(getattr(self.pitches, name), STEPS)
             frames = flat.frames(fringe, gain=gain)[:, 0]
@@ -190,14 +190,14 @@ def _frame(store: Store, name: str, steps: int, step: int) -> tuple[Fringe, int]
     return fringe, step
 
 
-def _extremes(store: Store, given) -> tuple[float, float]:
-    found = store.manifest["extremes"] if given is None else given
-    if found is None:
+def _extremes(store: Store, extremes) -> tuple[float, float]:
+    extremes = store.manifest["extremes"] if extremes is None else extremes
+    if extremes is None:
         raise ValueError(
             f"{store.path} has no training split to take the extremes from; give those of the "
             "dataset that the network was trained on: extremes=(low, high)"
         )
-    low, high = (float(level) for level in found)
+    low, high = (float(level) for level in extremes)
     if not (np.isfinite([low, high]).all() and low < high):
         raise ValueError(f"extremes {low}, {high} given; two grey levels, the lower first")
     return low, high

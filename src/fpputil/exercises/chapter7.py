@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fpputil.dataset.plan import POSES, split_by_model
+from fpputil.dataset.generation import POSES, split_by_model
 from fpputil.decoding.decoder import decode
 from fpputil.exercises import close, exercise
 from fpputil.optics import shapes
