@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from fpputil.experiments.recipes import CAMERA, recipe
+from fpputil.experiments.registry import CAMERA, recipe
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.devices import device_of, precision_of, processes
 from fpputil.networks.losses import Weights

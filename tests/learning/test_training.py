@@ -22,7 +22,7 @@ from fpputil.cli import main
 from fpputil.dataset.generation import generate
 from fpputil.dataset.plan import seeded_models
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.experiments.recipes import CAMERA
+from fpputil.experiments.registry import CAMERA
 from fpputil.learning.checkpoint import read_about
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.devices import Processes

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from fpputil.dataset.synthfringe import SynthFringe
-from fpputil.experiments.recipes import recipe, sized
+from fpputil.experiments.registry import recipe, sized
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.run import plain

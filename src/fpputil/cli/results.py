@@ -62,25 +62,25 @@ def _table(part) -> None:
 
 
 def _print_list(options) -> None:
-    from fpputil.experiments.effort import training_cost, training_speed
     from fpputil.experiments.registry import experiments
-    from fpputil.experiments.runs import read_results
+    from fpputil.experiments.runs import load, training_cost, training_speed
 
-    names, runs = experiments(options.preset), read_results(options.preset, options.results)
-    measured = training_speed(runs) or training_speed(read_results("tiny", options.results))
-    work = training_cost(options.preset, [name for name in names if name not in runs])
+    results, names = load(options.preset, options.results), experiments(options.preset)
+    measured = training_speed(results.runs) or training_speed(load("tiny", options.results).runs)
+    work = training_cost(options.preset, [name for name in names if name not in results.runs])
     for name in names:
-        if name in runs:
-            found = runs[name]["splits"]["test"]["measures"]["mae_rad"][0]
-            print(f"{name:24} MAE {found:.4f} rad, {runs[name]['seconds'] / 60:.1f} min")
+        if run := results.runs.get(name):
+            print(f"{name:24} MAE {run.test.mae:.4f} rad, {run.seconds / 60:.1f} min")
         elif measured:
             print(f"{name:24} to be made, about {work[name] / measured / 60:.0f} min")
         else:
             print(f"{name:24} to be made")
     if work and measured:
         hours = sum(work.values()) / measured / 3600
-        print(f"{hours:.1f} hours of training in all, at the speed of the runs that are "
-              "finished on this preset or, if none is, on tiny")  # fmt: skip
+        print(
+            f"{hours:.1f} hours of training in all, at the speed of the runs that are finished on "
+            "this preset or, if none is, on tiny"
+        )
 
 
 def _data(options) -> Path:
@@ -114,7 +114,7 @@ def _make(options) -> int:
     def make(name, wait):
         try:
             where = (_data(options), options.work, options.results, wait)
-            found = make_run(name, options.preset, *where, **how)
+            run = make_run(name, options.preset, *where, **how)
         except BlockingIOError as error:
             elsewhere.append(name)
             print(error)
@@ -122,8 +122,7 @@ def _make(options) -> int:
             failed.append(name)
             print(f"{name}: {error}")
         else:
-            value, low, high = found["splits"]["test"]["measures"]["mae_rad"]
-            print(f"{name:24} MAE {value:.4f} [{low:.4f}, {high:.4f}] rad")
+            print(f"{name:24} MAE {run.test.measures['mae_rad']:.4f} rad")
 
     for name in names:
         make(name, wait=False)
@@ -133,24 +132,23 @@ def _make(options) -> int:
 
 
 def _print_table(options) -> None:
-    from fpputil.experiments.runs import read_results
-    from fpputil.experiments.tables import agreement, as_text, differences_as_text, table
+    from fpputil.experiments.runs import load
+    from fpputil.experiments.tables import agreement
 
     number = int(options.number) if options.number.isdecimal() else options.number
-    runs = read_results(options.preset, options.results)
-    seeded = runs
-    if not any(run["seed"] for run in runs.values()):
-        seeded = read_results("tiny", options.results)
-    rows = table(number, runs, seeded)
+    results = load(options.preset, options.results)
+    rows = results.rows(number)
     if not rows:
         raise ValueError(
             f"no run of table {number} is finished in {options.results / options.preset}; make "
             f"them: fpp results run all --preset {options.preset}"
         )
-    control = runs["sfnet"]["splits"]["test"]["alone"] if "sfnet" in runs else None
-    if seeded is not runs:
+    if results.seeded is not results.runs:
         print("one seed each; how far another moves a measure is taken from tiny")
-    print(as_text(rows, control))
-    print(differences_as_text(rows))
+    print(results.table(number))
+    if any(row.difference for row in rows.values()):
+        print(results.differences(number))
+    else:
+        print("no MAE above or below SFNet's: SFNet is not made yet, or nothing beside it")
     if number == 6 and len(rows) > 2:
-        print("Kendall's tau with the paper {:.2f}, p = {:.2f}".format(*agreement(rows)))
+        print("Kendall's tau with the paper {:.2f}, p = {:.2f}".format(*agreement(rows.values())))

@@ -87,7 +87,7 @@ def _network(group) -> None:
 
 def _train(options) -> None:
     from fpputil.dataset.store import open_store
-    from fpputil.experiments.recipes import recipe
+    from fpputil.experiments.registry import recipe
     from fpputil.learning.devices import use_threads
     from fpputil.learning.training import fit
     from fpputil.learning.weights import load_weights
