@@ -25,8 +25,8 @@ from fpputil.dataset.plan import seeded_models
         ("patterns p --steps x", "int"),
         ("patterns p --axis z", "column"),
         ("patterns p q", "q"),
-        ("render r --patterns p", "One of these bodies"),
-        ("render r --patterns p --part 1 --sphere 2", "--part, --sphere"),
+        ("render r --patterns p", "none given; one of --mesh, --part, --sphere, --board is needed"),
+        ("render r --patterns p --part 1 --sphere 2", "--part and --sphere given; one of --mesh"),
         ("dataset generate o --folder x --thingi10k", "--folder, --thingi10k"),
     ],
 )

@@ -7,13 +7,23 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Group, Parameter
-from cyclopts.validators import LimitedChoice
 
 from fpputil.cli.options import Size
 
 SEEDS = 100_000  # between the noise of one scene and that of the next
 PIXELS = 40  # of the picture of a board, to a square
-Body = Parameter(group=Group("One of these bodies", validator=LimitedChoice(1)))
+
+
+def _one(bodies) -> None:
+    named = [body.name for body in bodies if body.has_tokens]
+    if len(named) != 1:
+        raise ValueError(
+            f"{' and '.join(named) or 'none'} given; one of {', '.join(b.name for b in bodies)} is "
+            "needed"
+        )
+
+
+Body = Parameter(group=Group("Body, one of these", validator=_one))
 
 
 def render(
