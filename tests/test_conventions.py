@@ -89,18 +89,15 @@ ARROWS = {  # each package imports from those below it alone
     "checks": (),
     "files": (),
     "probe": (),
-    "signals": (),
     "notebook": (),
     "optics": ("checks", "files", "probe"),
     "plotting": ("optics", "probe"),
     "decoding": ("checks", "files", "optics"),
     "calibration": ("checks", "optics"),
     "capture": (*("calibration", "checks", "decoding", "files", "notebook", "optics", "plotting"),),
-    "dataset": ("capture", "checks", "decoding", "files", "optics", "signals"),
-    "networks": ("checks", "decoding", "optics", "plotting"),
-    "learning": (
-        *("checks", "dataset", "decoding", "files", "networks", "optics", "plotting", "signals"),
-    ),
+    "dataset": ("capture", "checks", "decoding", "files", "optics"),
+    "networks": ("checks", "decoding", "optics"),
+    "learning": (*("checks", "dataset", "decoding", "files", "networks", "optics", "plotting"),),
     "experiments": (*("checks", "dataset", "decoding", "files", "learning", "networks", "optics"),),
 }
 WITHOUT_TORCH = (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import re
 import secrets
 import shutil
 from collections.abc import Iterator
@@ -12,9 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-
-PARTIAL = re.compile(r".+\.\d+-[0-9a-f]{8}\.part")
-"""Names of the files that `write_whole` leaves behind if its process is killed."""
 
 
 def write_whole(path: str | os.PathLike, data: bytes) -> None:

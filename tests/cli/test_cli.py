@@ -1,119 +1,117 @@
-"""The command `fpp`, as a user types it: what it prints, and its exit codes."""
+"""The command `fpp` as a whole, and `fpp dataset`: what it prints, and its exit codes."""
 
-import json
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
+from functools import reduce
 
 import pytest
+from cyclopts import App
 
-from fpputil.cli import main
-from fpputil.dataset.generation import generate
-from fpputil.dataset.models import seeded_models
+from fpputil.cli import GO_ON, app, main
+from fpputil.cli import train as training
+from fpputil.learning.config import TrainingConfig
+from fpputil.networks.losses import Weights
+from fpputil.networks.methods import METHODS
 from fpputil.optics.parts import part
 
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    out = tmp_path_factory.mktemp("cli") / "set"
-    generate(out, "tiny", *seeded_models(3, 1), views=1)
-    return out
+COMMANDS = ("patterns", "render", "decode", "calibrate", "system", "dataset", "train", "evaluate",
+            "predict", "results")  # fmt: skip
 
 
-def test_generate_check_info_export_import(tmp_path, made, capsys):
+def test_generate_check_info_export_import(tmp_path, fpp):
     out = tmp_path / "set"
-    options = ["--models", "3", "--held-out", "1", "--views", "1"]
-    assert main(["dataset", "generate", str(out), *options]) == 0
-    said = capsys.readouterr()
-    assert "training         1 models       1 views" in said.out
-    assert "held-out" in said.out and "content " in said.out
-    assert "view/s" in said.err  # rate and time left
-    assert (out / "manifest.json").read_bytes() == (made / "manifest.json").read_bytes()
-    assert main(["dataset", "check", str(out)]) == 0
-    assert capsys.readouterr().out.startswith("every byte is as it was written")
-    assert main(["dataset", "info", str(out)]) == 0
-    assert "grey levels of training 0 to" in capsys.readouterr().out
-    assert main(["dataset", "export", str(out), str(tmp_path / "png"), "--noise", "1"]) == 0
-    assert capsys.readouterr().out.startswith("4 scenes in ")
-    assert main(["dataset", "import", str(tmp_path / "png"), str(tmp_path / "back")]) == 0
-    assert "held-out" in capsys.readouterr().out
-    assert main(["dataset", "check", str(tmp_path / "back")]) == 0
+    code, said, error = fpp(
+        "dataset", "generate", out, "--models", 3, "--held-out", 1, "--views", 1
+    )
+    assert code == 0 and "training         1 models       1 views" in said
+    assert "held-out" in said and "content " in said
+    assert "view/s" in error  # rate and time left
+    assert fpp("dataset", "check", out)[1].startswith("every byte is as it was written")
+    assert "grey levels of training 0 to" in fpp("dataset", "info", out)[1]
+    code, said, _ = fpp("dataset", "export", out, tmp_path / "png", "--noise", 1)
+    assert said.startswith("4 scenes in ")
+    assert "held-out" in fpp("dataset", "import", tmp_path / "png", tmp_path / "back")[1]
+    assert fpp("dataset", "check", tmp_path / "back")[0] == 0
 
 
-def test_a_damaged_dataset_is_named_and_fails(made, tmp_path, capsys):
-    out = shutil.copytree(made, tmp_path / "set")
+def test_a_damaged_dataset_is_named_and_fails(data, tmp_path, fpp):
+    out = shutil.copytree(data, tmp_path / "set")
     (out / "mask/c/0/0/0").unlink()
-    assert main(["dataset", "check", str(out)]) == 1
-    assert "mask/c/0/0/0: missing" in capsys.readouterr().out
+    code, said, _ = fpp("dataset", "check", out)
+    assert code == 1 and "mask/c/0/0/0: missing" in said
 
 
-@pytest.mark.parametrize(
-    "options, said",
-    [
-        (["--models", "0"], "models 0 given"),
-        (["--preset", "huge"], "preset 'huge' given; the presets are tiny, small, paper"),
-        (["--folder", "nowhere"], "nowhere given; a folder of mesh files"),
-        (["--folder", ".", "--held-out", "2"], "only models from seeds have families"),
-        (["--models", "3", "--views", "99"], "99 views given"),
-        (["--thingi10k", "--cache", "nowhere"], "pip install 'fpputil[thingi10k]'"),
-        (["--models", "3", "--seed", "-1"], "seed -1 given"),
-        (["--models", "3", "--held-out", "-1"], "held_out -1 given"),
-    ],
-)
-def test_wrong_options_are_one_line(options, said, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["dataset", "generate", "set", *options]) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("fpp: ") and said in error and error.count("\n") == 1
-    assert not (tmp_path / "set").exists()
-
-
-def test_download_without_the_package_is_one_line(tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "thingi10k", None)
-    options = ["--thingi10k", "--cache", str(tmp_path / "cache"), "--download"]
-    assert main(["dataset", "generate", str(tmp_path / "set"), *options]) == 1
-    error = capsys.readouterr().err
-    assert "fpputil[thingi10k]" in error and error.count("\n") == 1
-
-
-def test_bad_meshes_are_told_of(tmp_path, capsys):
+def test_bad_meshes_are_told_of(tmp_path, fpp):
     folder = tmp_path / "meshes"
     folder.mkdir()
     for seed in range(3):
         part(seed).export(folder / f"part{seed}.ply")
     (folder / "empty.off").write_text("OFF\n0 0 0\n")
     (folder / "twin.ply").write_bytes((folder / "part0.ply").read_bytes())
-    call = ["dataset", "generate", str(tmp_path / "set"), "--folder", str(folder), "--views", "2"]
-    assert main(call) == 0
-    said = capsys.readouterr().out
-    assert "skipped empty.off: empty.off has no faces" in said and "twin.ply" in said
+    code, said, _ = fpp("dataset", "generate", tmp_path / "set", "--folder", folder, "--views", 2)
+    assert code == 0 and "skipped empty.off: empty.off has no faces" in said and "twin.ply" in said
 
 
-def test_help_is_enough_to_begin():
-    def said(*call):
-        command = [sys.executable, "-m", "fpputil.cli", *call, "--help"]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
-
-    assert "dataset" in said() and "exit codes" in said()
-    for verb in ("generate", "check", "info", "export", "import"):
-        assert verb in said("dataset")
-    for option in ("--preset", "--models", "--views", "--workers", "--folder", "--thingi10k",
-                   "--scheduler", "--held-out", "--download"):  # fmt: skip
-        assert option in said("dataset", "generate")
-
-
-@pytest.mark.parametrize("call", [[], ["dataset"], ["dataset", "generate"], ["what"]])
-def test_wrong_usage(call, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(call)
-    assert stop.value.code == 2 and "usage" in capsys.readouterr().err
+def test_help_lists_every_command_and_every_option(fpp):
+    code, said, _ = fpp("--help")
+    assert code == 0 and "exit codes" in said and "Train a network." in said
+    groups = ("system", "dataset", "results")
+    verbs = [(name,) for name in COMMANDS if name not in groups]
+    verbs += [(group, verb) for group in groups for verb in app[group] if verb.isalpha()]
+    for verb in verbs:
+        code, said, _ = fpp(*verb, "--help")
+        options = reduce(lambda group, name: group[name], verb, app).assemble_argument_collection()
+        names = [option.name for option in options if option.name.startswith("--")]
+        assert code == 0 and [name for name in names if name not in said] == [], verb
+    assert "torchrun" in fpp("train", "--help")[1]
+    assert "The mask is a guess" in fpp("predict", "--help")[1]
+    assert "[default: 36]" in fpp("dataset", "generate", "--help")[1]
 
 
-def test_no_traceback_for_an_unfinished_or_foreign_dataset(tmp_path, capsys):
-    assert main(["dataset", "info", str(tmp_path)]) == 1
-    assert "is not a dataset" in capsys.readouterr().err
-    (tmp_path / "manifest.json").write_text(
-        json.dumps({"format": "SynthFringe", "version": 1, "complete": False})
+def test_train_has_an_option_for_every_setting():
+    """As long as no dataclass of the library has gained or lost one."""
+
+    def names(kind):
+        return {f.name for f in fields(kind)}
+
+    assert names(training.Settings) | {"augmentation"} == names(TrainingConfig)
+    of_methods = set().union(*(names(kind) for kind in METHODS.values()))
+    assert names(training.Network) | {"weights"} == of_methods
+    assert names(training.Losses) - {"modulo"} | {"order"} == names(Weights)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_stop_says_what_goes_on(command, fpp, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(App, "parse_args", stopped)
+    code, _, error = fpp(command)
+    assert (
+        code == 130
+        and error == f"\nstopped; {GO_ON.get(command, 'the same command goes on from here')}\n"
     )
-    assert main(["dataset", "check", str(tmp_path)]) == 1
-    assert "not finished" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_commands_load_nothing_heavy_and_name_the_extra_they_lack():
+    heavy = "{'torch', 'numba', 'cv2', 'scipy', 'matplotlib', 'numpy'} & set(sys.modules)"
+    code = (
+        "import sys; from fpputil.cli import main\n"
+        f"main(['train', '--help']); print({heavy})\n"
+        "sys.modules['torch'] = None\n"
+        "print(main(['evaluate', 'w.safetensors', '--data', 'x']))"
+    )
+    command = [sys.executable, "-c", code]
+    run = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert run.stdout.endswith("set()\n1\n"), run.stdout
+    assert run.stderr.count("\n") == 1 and "pip install 'fpputil[learning]'" in run.stderr
+
+
+def test_the_module_is_the_command():
+    from importlib.metadata import entry_points
+
+    (script,) = entry_points(group="console_scripts", name="fpp")
+    assert script.load() is main

@@ -1,14 +1,11 @@
 """`fpp predict`, as a user types it: what it writes and warns of, and what it leaves behind."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import torch
 import trimesh
 from matplotlib.figure import Figure
 
@@ -20,15 +17,7 @@ WEIGHTS = str(DATA / "weights/sfnet-tiny.safetensors")
 NAMES = ["points.ply", "predicted.npz", "predicted.png"]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def quick():
-    """No drawing but where it is looked at; one thread."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(Figure, "savefig", lambda self, file, **_: file.write(b"no picture"))
-        yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("quick")
 
 
 @pytest.fixture(scope="module")
@@ -178,14 +167,3 @@ def test_the_picture_is_a_picture(sphere_view, frames):
         predict._picture(np.stack([*frames.values()]), found)
     titles = [ax.get_title() for ax in saved[0].axes if ax.get_title()]
     assert titles[:2] == ["photograph 1", "photograph 2"] and len(titles) == 4
-
-
-def test_help_says_what_the_mask_is_and_loads_no_torch():
-    code = (
-        "import sys; from fpputil.cli import main\n"
-        "try: main(['predict', '--help'])\n"
-        "except SystemExit: print({'torch', 'cv2', 'matplotlib'} & set(sys.modules))"
-    )
-    command = [sys.executable, "-c", code]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert "The mask is a guess" in said and said.endswith("set()\n")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fpputil.experiments.recipes import CAMERA, recipe, sized
+from fpputil.experiments.registry import CAMERA, recipe, sized
 from fpputil.networks import METHODS, SFNetMethod, Weights
 
 

@@ -4,6 +4,8 @@ import json
 import math
 import shutil
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from fpputil.experiments.registry import ROWS, SEEDS, budget, methods, seeded_na
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.weights import load_weights
 
+STORED = Path(__file__).parents[2] / "data" / "results"
 KINDS = ("sfnet", "sido", "psnet", "dlalnet")
 SHORT = {
     "epochs": 2,
@@ -128,7 +131,7 @@ def test_what_a_run_leaves(found, small_set):
     assert set(run["conditions"]) == set(assessment.CONDITIONS)
     inspection = ErrorAnalysis()
     evaluate(trained, data, inspection.add)
-    for name, values in assessment.analyse_errors([run]).items():
+    for name, values in results.read_result(found / "tiny" / "sfnet.json").analysis.items():
         assert values == pytest.approx(inspection.summary()[name], rel=1e-4, nan_ok=True), name
     assert len(inspection.summary()["edge_mae"]) == len(DISTANCES) - 1
     assert run["splits"]["held-out"]["views"] == 2
@@ -165,7 +168,7 @@ def test_the_truth_of_the_pictures_is_kept_once(found, small_set):
 def test_a_finished_run_is_not_made_again(found, small_set, monkeypatch):
     before = (found / "tiny" / "sido.json").read_bytes()
     monkeypatch.setattr(results, "fit", None)
-    assert make("sido", small_set, found)["name"] == "sido"
+    assert make("sido", small_set, found).name == "sido"
     assert (found / "tiny" / "sido.json").read_bytes() == before
 
 
@@ -183,17 +186,16 @@ def test_a_stopped_run_goes_on_to_the_same_numbers(found, small_set, tmp_path, m
         make("psnet", small_set, tmp_path)
     assert not (tmp_path / "tiny" / "psnet.json").exists()
     monkeypatch.setattr(results, "fit", trained_once)
-    again, before = make("psnet", small_set, tmp_path), make("psnet", small_set, found)
+    make("psnet", small_set, tmp_path)
+    again, before = (
+        json.loads((out / "tiny" / "psnet.json").read_text()) for out in (tmp_path, found)
+    )
     for name in ("splits", "conditions", "images"):
         assert again[name] == before[name], name
 
 
 def test_a_run_under_way_elsewhere_is_left_to_others(found, small_set, capsys, monkeypatch):
     """Others come first; then one waits for it."""
-    wanted = experiments.experiments("tiny")["sido"]
-    before = found / "tiny" / "sido.json"
-    _, about = results._wanted("sido", "tiny", wanted, small_set, found)
-    assert results.finished(before, about) is not None
     folder = weights_of(found, "sido").parent
     lock, waited = FileLock(folder / ".lock"), []
     lock.acquire()
@@ -236,9 +238,9 @@ def test_other_settings_are_another_run(found, small_set, monkeypatch):
     monkeypatch.setattr(results, "budget", lambda preset: longer)
     with pytest.raises(ValueError, match=r"sfnet\.json was made with other settings .* sfnet"):
         results.read_results("tiny", found)
-    wanted = experiments.experiments("tiny")["psnet"]
-    _, about = results._wanted("psnet", "tiny", wanted, small_set, found)
-    assert results.finished(found / "tiny" / "psnet.json", about) is None
+    monkeypatch.setattr(results, "fit", lambda *_, resume, **how: pytest.fail(f"resume {resume}"))
+    with pytest.raises(pytest.fail.Exception, match="resume False"):
+        make("psnet", small_set, found)
 
 
 @pytest.mark.parametrize(
@@ -350,3 +352,53 @@ def test_runs_on_two_datasets_are_no_table(found, tmp_path):
         (tmp_path / "tiny" / f"{name}.json").write_text(json.dumps(run | {"data": data}))
     with pytest.raises(ValueError, match="2 datasets"):
         results.read_results("tiny", tmp_path)
+
+
+def test_effort_is_what_finished_runs_counted():
+    """Of the widths that the stored runs have, not those of this file."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(experiments, "sized", lambda name, unit: int(4 * experiments.WIDTHS[name]))
+        patched.setattr(results, "budget", experiments.budget)
+        stored = results.load("tiny", STORED)
+        for name, work in results.training_cost("tiny", ROWS[3].values()).items():
+            assert work == stored.runs[name].images * stored.runs[name].multiply_adds
+
+
+def test_speed_is_the_median_of_the_runs():
+    runs = {s: SimpleNamespace(images=10, multiply_adds=6e9, seconds=s) for s in (1, 2, 60)}
+    assert results.training_speed(runs) == pytest.approx(3e10)
+    assert results.training_speed({}) is None
+
+
+def test_results_say_what_the_files_hold(found, small_set):
+    """Numbers by attribute, pictures by view, tables by their number."""
+    stored = json.loads((found / "tiny" / "sfnet.json").read_text())
+    loaded = results.load("tiny", found)
+    run = loaded.runs["sfnet"]
+    measures = stored["splits"]["test"]["measures"]
+    assert [run.test.mae, run.test.order_errors] == [
+        measures[k][0] for k in ("mae_rad", "order_errors")
+    ]
+    assert (
+        run.held_out.views == 2 and run.alone.mae == stored["splits"]["test"]["alone"]["mae_rad"][0]
+    )
+    assert run.settings.epochs == 2 and run.kind == "sfnet"
+    with pytest.raises(AttributeError, match="weight asked for; the measures are mae_rad"):
+        _ = run.test.weight
+    view, data = (
+        loaded.views[0],
+        open_split(load_weights(weights_of(found, "sido")), small_set, "test"),
+    )
+    assert view.number == data.indices[0]
+    np.testing.assert_array_equal(view.Phi, data[0]["Phi"].numpy())
+    error = view.error("sido")
+    assert (np.isfinite(error) == view.mask).all()
+    near = view.cropped(error)
+    assert np.isfinite(near).sum() == view.mask.sum() and near.size < error.size
+    seeds = loaded.seeds("sfnet")
+    assert len(seeds) == 2
+    assert loaded.mean("sfnet") == pytest.approx(np.mean([r.test.mae for r in seeds]), rel=1e-4)
+    difference = loaded.difference("sido", "sfnet")
+    assert difference.value == pytest.approx(loaded.mean("sido") - loaded.mean("sfnet"))
+    assert list(loaded.rows(3, "sido")) == ["sido"] and loaded.rows(3)["sido"].line.count("±") == 4
+    assert "SIDO" in repr(loaded.table(3)) and "<table>" in loaded.differences(3)._repr_html_()

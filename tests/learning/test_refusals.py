@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 import torch
-from fpputil.dataset.plan import seeded_models
 
 from fpputil.dataset.generation import generate
+from fpputil.dataset.models import seeded_models
 from fpputil.learning import TrainingConfig, fit
 from fpputil.learning.devices import device_of
 from fpputil.learning.training import CHECKPOINT, CONFIG

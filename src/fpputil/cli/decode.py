@@ -2,87 +2,128 @@
 
 from __future__ import annotations
 
-import json
+import json as jsons
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
-from fpputil.cli.patterns import add_fringes, chosen, size
+from cyclopts import Parameter
 
+from fpputil.cli.options import FRINGES, Fringes, Size, given
 
-def add_to(commands) -> None:
-    """Add the command to those of `fpp`."""
-    decode = commands.add_parser(
-        "decode",
-        help="decode a folder of photographs",
-        description="Writes decoded.npz, TIFF files, report.html and summary.json, with "
-        "--system also points.ply and the depth. If the capture is wrong in a way that would give "
-        "wrong phases (direction of the shift, swapped or missing photographs, a saturated "
-        "projector ...), only report and summary are written, and the exit code is 1.",
-    )
-    decode.add_argument("folder", metavar="FOLDER", type=Path)
-    decode.add_argument("--out", type=Path, metavar="OUT",
-                        help="new folder (default FOLDER-decoded)")  # fmt: skip
-    decode.add_argument("--system", metavar="S", help="a calibrated system, for millimetres")
-    decode.add_argument("--gamma", default="auto", metavar="G",
-                        help="exponent of the response, which is taken back (default auto: where "
-                        "some pitch has fewer than five steps and another tells it)")  # fmt: skip
-    decode.add_argument("--threshold", type=float, default=8.0,
-                        help="least modulation, grey levels of 255 (default 8)")  # fmt: skip
-    decode.add_argument("--noise", type=float, help="grey levels of 255 (default: estimated)")
-    decode.add_argument("--full", type=float,
-                        help="grey level of a saturated pixel (default 255 or 65535)")  # fmt: skip
-    decode.add_argument("--accept", action="store_true", help="write phases all the same")
-    decode.add_argument("--no-report", action="store_true", help="no report.html")
-    decode.add_argument("--no-pictures", action="store_true", help="no TIFF files")
-    decode.add_argument("--force", action="store_true", help="replace OUT")
-    decode.add_argument("--json", action="store_true", help="print summary.json")
-    _patterns(decode)
-    decode.set_defaults(run=_decode, go_on="nothing was written")
+Yes = Parameter(negative_bool="no-", negative=None)
 
 
-def _patterns(decode) -> None:
-    given = decode.add_argument_group(
-        "patterns", "what was projected, if FOLDER holds no patterns.toml"
-    )
-    given.add_argument("--patterns", type=Path, metavar="FILE", help="a pattern file elsewhere")
-    given.add_argument("--files", metavar="NAMES",
-                       help="names of the photographs, as '{axis}-{pitch}-{step:02}.png', or "
-                       "'*.png' in order of time")  # fmt: skip
-    given.add_argument("--projector", type=size, default=(912, 1140), metavar="WxH",
-                       help="pixels (default 912x1140)")  # fmt: skip
-    given.add_argument("--first", type=int, default=0, help="number of the first step in a name")
-    given.add_argument("--order", default="fringe", help="fringe (default) or step comes first")
-    given.add_argument("--white", default="", metavar="NAME", help="photograph in plain light")
-    given.add_argument("--black", default="", metavar="NAME", help="photograph in no light")
-    add_fringes(given)
-    decode.set_defaults(steps=None, axis=None, unwrap=None, shift=None)
+@Parameter(name="*", group="Photographs, if FOLDER holds no patterns.toml")
+@dataclass(frozen=True)
+class Files:
+    """What was projected, and how the photographs are named.
+
+    Parameters
+    ----------
+    patterns
+        A pattern file elsewhere.
+    files
+        Names of the photographs, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.
+    projector
+        Pixels.
+    first
+        Number of the first step in a name.
+    order
+        Which comes first.
+    white
+        Photograph in plain light.
+    black
+        Photograph in no light.
+    """
+
+    patterns: Path | None = None
+    files: str | None = None
+    projector: Size = (912, 1140)
+    first: int = 0
+    order: Literal["fringe", "step"] = "fringe"
+    white: str = ""
+    black: str = ""
 
 
-def _decode(options) -> int:
+FILES = Files()
+
+
+def decode(
+    folder: Path,
+    /,
+    *,
+    out: Path | None = None,
+    system: str | None = None,
+    gamma: str = "auto",
+    threshold: float = 8.0,
+    noise: float | None = None,
+    full: float | None = None,
+    accept: bool = False,
+    report: Annotated[bool, Yes] = True,
+    pictures: Annotated[bool, Yes] = True,
+    force: bool = False,
+    json: bool = False,
+    names: Files = FILES,
+    fringes: Fringes = FRINGES,
+) -> int:
+    """Decode a folder of photographs.
+
+    Writes decoded.npz, TIFF files, report.html and summary.json, with --system also points.ply and
+    the depth. If the capture is wrong in a way that would give wrong phases (direction of the
+    shift, swapped or missing photographs, a saturated projector ...), only report and summary are
+    written, and the exit code is 1.
+
+    Parameters
+    ----------
+    folder
+        Of the photographs.
+    out
+        New folder (default FOLDER-decoded).
+    system
+        A calibrated system, for millimetres: tiny, small, paper or a file.
+    gamma
+        Exponent of the response, which is taken back; auto: where some pitch has fewer than five
+        steps and another one tells it.
+    threshold
+        Least modulation, grey levels of 255.
+    noise
+        Grey levels of 255 (default: estimated).
+    full
+        Grey level of a saturated pixel (default 255 or 65535).
+    accept
+        Write phases all the same.
+    report
+        Write report.html.
+    pictures
+        Write TIFF files.
+    force
+        Replace OUT.
+    json
+        Print summary.json.
+    """
     from fpputil.capture.folder import decode_folder
     from fpputil.checks import positive
     from fpputil.optics.system import load_system
 
-    gamma = None if options.gamma == "auto" else positive("gamma", _number(options.gamma))
-    system = None if options.system is None else load_system(options.system)
-    result = decode_folder(
-        options.folder,
-        options.out,
-        system,
-        patterns=_given(options),
-        full=options.full,
-        threshold=options.threshold,
-        gamma=gamma,
-        noise=options.noise,
-        accept=options.accept,
-        report=not options.no_report,
-        pictures=not options.no_pictures,
-        force=options.force,
-        progress=not options.json,
-    )
-    _say(options, result)
-    return 0 if result.summary["decoded"] else 1
+    exponent = None if gamma == "auto" else positive("gamma", _number(gamma))
+    rig = None if system is None else load_system(system)
+    patterns = _patterns(folder, names, fringes)
+    how = {
+        "full": full,
+        "threshold": threshold,
+        "gamma": exponent,
+        "noise": noise,
+        "accept": accept,
+    }
+    how |= {"report": report, "pictures": pictures, "force": force, "progress": not json}
+    decoded = decode_folder(folder, out, rig, patterns=patterns, **how)
+    if json:
+        print(jsons.dumps(decoded.summary))
+    else:
+        _print(decoded, rig)
+    return 0 if decoded.summary["decoded"] else 1
 
 
 def _number(text: str) -> float:
@@ -92,50 +133,39 @@ def _number(text: str) -> float:
         raise ValueError(f"gamma {text!r} given; a positive number or auto is needed") from None
 
 
-def _given(options):
-    """Patterns named on the command line, or of a file."""
-    if options.patterns is not None and options.files is not None:
-        raise ValueError("--patterns and --files given; one of them names the photographs")
-    if options.files is None:
-        return _of_file(options)
-    names = {k: getattr(options, k) for k in ("files", "first", "order", "white", "black")}
-    usual = {"steps": [8], "axis": "column", "unwrap": "mf", "shift": 1}
-    for name, value in usual.items():
-        if getattr(options, name) is None:
-            setattr(options, name, value)
-    return chosen(options, **names)
-
-
-def _of_file(options):
-    """Patterns of a file; --shift may turn their direction, nothing else is taken beside it."""
+def _patterns(folder: Path, names: Files, fringes: Fringes):
+    """Patterns named on the command line, or of a file, whose direction --shift may turn."""
     from fpputil.capture.patterns import Patterns
     from fpputil.capture.photographs import of_folder
 
-    beside = [n for n in ("pitches", "steps", "axis", "unwrap") if getattr(options, n) is not None]
-    if beside:
+    if names.patterns is not None and names.files is not None:
+        raise ValueError("--patterns and --files given; one of them names the photographs")
+    if names.files is not None:
+        options = given(names)
+        return fringes.patterns(options.pop("projector"), **options)
+    if beside := given(replace(fringes, shift=None)):
         raise ValueError(
-            f"--{beside[0]} without --files given; a pattern file tells it, or --files and all "
-            "the others do"
+            f"--{next(iter(beside))} without --files given; a pattern file tells it, or --files "
+            "and all the others do"
         )
-    file = options.patterns
-    found = of_folder(options.folder) if file is None else Patterns.load(file)
-    return found if options.shift is None else replace(found, shift=options.shift)
+    patterns = of_folder(folder) if names.patterns is None else Patterns.load(names.patterns)
+    return patterns if fringes.shift is None else replace(patterns, shift=fringes.shift)
 
 
-def _say(options, result) -> None:
-    if options.json:
-        print(json.dumps(result.summary))
-        return
-    for axis, numbers in result.summary["numbers"].items():
-        share, sigma = numbers["pixels in the mask"], numbers["uncertainty of the phase, median"]
-        print(f"{axis}s: {share} in the mask, uncertainty {sigma} (median)")
-    for finding in result.findings:
+def _print(decoded, system) -> None:
+    summary = decoded.summary
+    for axis, numbers in summary["numbers"].items():
+        print(
+            f"{axis}s: {numbers['pixels in the mask']} in the mask, uncertainty "
+            f"{numbers['uncertainty of the phase, median']} (median)"
+        )
+    for finding in decoded.findings:
         kind = "error" if finding.severe else "note"
         print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)
-    if result.points is not None:
-        print(f"{result.summary['points']} points in {result.out / 'points.ply'}")
-    elif options.system is None:
+    if "points" in summary:
+        print(f"{summary['points']} points in {decoded.out / 'points.ply'}")
+    elif system is None:
         print("no --system given: phases, but no depth and no points")
-    if not result.summary["decoded"]:
+    if not summary["decoded"]:
         print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
-    print(f"written to {result.out}")
+    print(f"written to {decoded.out}")

@@ -2,142 +2,230 @@
 
 from __future__ import annotations
 
-import argparse
 import os
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
-METHODS = ("sfnet", "sido", "psnet", "dlalnet")
-OF_METHOD = ("frames", "base", "levels", "dropout", "mixing", "target", "reference", "plane")
-OF_SETTINGS = (
-    *("epochs", "batch", "learning_rate", "schedule", "plateau_patience", "weight_decay"),
-    *("max_grad_norm", "early_stopping", "training_views", "validation_views", "seed", "precision"),
-)
-OF_CAMERA = {"gain": "exposure", "noise": "read noise in grey levels", "gamma": "response"}
+from cyclopts import Parameter
 
+from fpputil.cli.options import TRAINING, Training, given
 
-def add_to(commands) -> None:
-    """Add the command to those of `fpp`."""
-    train = commands.add_parser(
-        "train",
-        help="train a network",
-        description="Leaves in OUT checkpoint.safetensors (every epoch and when stopped), "
-        "weights.safetensors (16 bit, of the best epoch), log.csv and curve.png. What is not "
-        "given is as the preset has it. Several devices: "
-        "torchrun --nproc-per-node N -m fpputil.cli train ...",
-    )
-    train.add_argument("method", choices=METHODS, help="which network")
-    train.add_argument("--data", type=Path, required=True, metavar="PATH", help="the dataset")
-    train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
-    train.add_argument("--preset", default="tiny", help="tiny, small or paper (default tiny)")
-    train.add_argument("--resume", action="store_true", help="go on with the run in OUT")
-    train.add_argument("--start", type=Path, metavar="WEIGHTS",
-                       help="begin with this network, not with random weights")  # fmt: skip
-    train.add_argument("--workers", type=int, default=1, help="processes that load (default 1)")
-    train.add_argument("--device", help="cpu, cuda, cuda:1 ... (default: a GPU if there is one)")
-    train.add_argument("--threads", type=int, help="of the processor (default: all)")
-    _settings(train.add_argument_group("training"))
-    _network(train.add_argument_group("network and losses"))
-    train.set_defaults(run=_train, go_on="the same command with --resume goes on from here")
+YesNo = Annotated[bool | None, Parameter(negative=None)]
+Range = tuple[float, float] | None
 
 
-def _settings(group) -> None:
-    group.add_argument("--epochs", type=int, help="at most")
-    group.add_argument("--batch", type=int, help="images a step, over all devices (paper: 8)")
-    group.add_argument(
-        "--learning-rate", type=float, help="learning rate, or the highest of one cycle"
-    )
-    group.add_argument("--schedule", help="plateau (as the paper) or one-cycle (ours)")
-    group.add_argument(
-        "--plateau-patience", type=int, help="epochs without a better one before plateau halves"
-    )
-    group.add_argument("--weight-decay", type=float, help="weight decay of AdamW")
-    group.add_argument("--max-grad-norm", type=float, help="greatest norm of the gradient")
-    group.add_argument(
-        "--early-stopping", type=int, help="epochs without a better one; 0 for never"
-    )
-    group.add_argument("--training-views", type=int, help="training views to use; 0 for all")
-    group.add_argument("--validation-views", type=int, help="validation views to measure on")
-    group.add_argument("--seed", type=int, help="of weights, order, augmentation, dropout")
-    group.add_argument("--precision", help="float32, bfloat16 or auto")
-    for name, what in OF_CAMERA.items():
-        group.add_argument(f"--{name}", type=float, nargs=2, metavar=("LOW", "HIGH"),
-                           help=f"{what}, drawn for every photograph")  # fmt: skip
+@Parameter(name="*", group="Settings (default: as the preset has them)")
+@dataclass(frozen=True)
+class Settings:
+    """Options of `TrainingConfig`.
+
+    Parameters
+    ----------
+    epochs
+        At most.
+    batch
+        Images a step, over all devices (paper: 8).
+    learning_rate
+        Or the highest of one cycle.
+    schedule
+        plateau (as the paper) or one-cycle (ours).
+    plateau_patience
+        Epochs without a better one before plateau halves.
+    weight_decay
+        Of AdamW.
+    max_grad_norm
+        Greatest norm of the gradient.
+    early_stopping
+        Epochs without a better one; 0 for never.
+    training_views
+        Training views to use; 0 for all.
+    validation_views
+        Validation views to measure on.
+    seed
+        Of weights, order, augmentation, dropout.
+    precision
+        float32, bfloat16 or auto.
+    """
+
+    epochs: int | None = None
+    batch: int | None = None
+    learning_rate: float | None = None
+    schedule: str | None = None
+    plateau_patience: int | None = None
+    weight_decay: float | None = None
+    max_grad_norm: float | None = None
+    early_stopping: int | None = None
+    training_views: int | None = None
+    validation_views: int | None = None
+    seed: int | None = None
+    precision: str | None = None
 
 
-def _network(group) -> None:
-    group.add_argument("--frames", type=int, help="photographs of each pitch: 1, 2 or 3")
-    group.add_argument("--base", type=int, help="channels of the finest level")
-    group.add_argument("--levels", type=int, help="pairs of convolutions in an encoder")
-    group.add_argument("--dropout", type=float, help="share dropped where features are joined")
-    group.add_argument("--mixing", help="none, deepest or 'every level'")
-    group.add_argument("--target", help="components (M and D) or phase")
-    group.add_argument("--reference", help="refined (reference), or zmin, mid or unit in its place")
-    for name in ("phase", "consistency", "geometric"):
-        group.add_argument(f"--{name}", type=float, metavar="W", help=f"weight of the {name} loss")
-    yes_or_no = argparse.BooleanOptionalAction
-    group.add_argument("--plane", action=yes_or_no, help="show SIDO the empty plane, too")
-    group.add_argument("--modulo", action=yes_or_no,
-                       help="compare absolute phases modulo 2 pi in Eq. 12 (ours)")  # fmt: skip
-    group.add_argument("--mean", action=yes_or_no,
-                       help="average Eq. 14 over the pixels, not add up (ours)")  # fmt: skip
-    group.add_argument("--l1", action=yes_or_no,
-                       help="absolute errors, not squares, in Eq. 12 (ours)")  # fmt: skip
+@Parameter(name="*", group="Camera: lowest and highest, drawn for every photograph")
+@dataclass(frozen=True)
+class Camera:
+    """Options of `Augmentation`.
+
+    Parameters
+    ----------
+    gain
+        Exposure.
+    noise
+        Read noise in grey levels.
+    gamma
+        Response.
+    """
+
+    gain: Range = None
+    noise: Range = None
+    gamma: Range = None
 
 
-def _train(options) -> None:
+@Parameter(name="*", group="Network")
+@dataclass(frozen=True)
+class Network:
+    """Options of the methods.
+
+    Parameters
+    ----------
+    frames
+        Photographs of each pitch: 1, 2 or 3.
+    base
+        Channels of the finest level.
+    levels
+        Pairs of convolutions in an encoder.
+    dropout
+        Share dropped where features are joined.
+    mixing
+        none, deepest or 'every level'.
+    target
+        components (M and D) or phase.
+    reference
+        refined (reference), or zmin, mid or unit in its place.
+    plane
+        Show SIDO the empty plane, too.
+    """
+
+    frames: int | None = None
+    base: int | None = None
+    levels: int | None = None
+    dropout: float | None = None
+    mixing: str | None = None
+    target: str | None = None
+    reference: str | None = None
+    plane: YesNo = None
+
+
+@Parameter(name="*", group="Losses")
+@dataclass(frozen=True)
+class Losses:
+    """Options of `Weights`.
+
+    Parameters
+    ----------
+    phase
+        Weight of the phase loss.
+    consistency
+        Weight of the consistency loss.
+    geometric
+        Weight of the geometric loss.
+    modulo
+        Compare absolute phases modulo 2 pi in Eq. 12 (ours).
+    mean
+        Average Eq. 14 over the pixels, not add up (ours).
+    l1
+        Absolute errors, not squares, in Eq. 12 (ours).
+    """
+
+    phase: float | None = None
+    consistency: float | None = None
+    geometric: float | None = None
+    modulo: YesNo = None
+    mean: YesNo = None
+    l1: YesNo = None
+
+
+SETTINGS, CAMERA, NETWORK, LOSSES = Settings(), Camera(), Network(), Losses()
+
+
+def train(
+    method: Literal["sfnet", "sido", "psnet", "dlalnet"],
+    /,
+    *,
+    data: Path,
+    out: Path,
+    preset: str = "tiny",
+    resume: bool = False,
+    start: Path | None = None,
+    how: Training = TRAINING,
+    settings: Settings = SETTINGS,
+    camera: Camera = CAMERA,
+    network: Network = NETWORK,
+    losses: Losses = LOSSES,
+) -> None:
+    """Train a network.
+
+    Leaves in OUT checkpoint.safetensors (every epoch and when stopped), weights.safetensors
+    (16 bit, of the best epoch), log.csv and curve.png. What is not given is as the preset has it.
+    Several devices: torchrun --nproc-per-node N -m fpputil.cli train ...
+
+    Parameters
+    ----------
+    method
+        Which network.
+    data
+        The dataset.
+    out
+        Folder of the run.
+    preset
+        tiny, small or paper.
+    resume
+        Go on with the run in OUT.
+    start
+        Begin with this network, not with random weights.
+    """
     from fpputil.dataset.store import open_store
-    from fpputil.experiments.recipes import recipe
-    from fpputil.learning.devices import use_threads
+    from fpputil.experiments.registry import recipe
     from fpputil.learning.training import fit
     from fpputil.learning.weights import load_weights
 
-    method, settings = recipe(options.preset, options.method)
-    settings = replace(settings, **_given(options, OF_SETTINGS))
-    camera = {k: tuple(v) for k, v in _given(options, OF_CAMERA).items()}
-    settings = replace(settings, augmentation=replace(settings.augmentation, **camera))
-    method = _changed(method, options)
-    manifest = open_store(options.data).manifest
-    made = manifest["settings"]["preset"]
-    if made not in (options.preset, "imported"):
+    plain, config = recipe(preset, method)
+    augmentation = replace(config.augmentation, **given(camera))
+    config = replace(config, **given(settings), augmentation=augmentation)
+    chosen = _changed(plain, method, given(network), given(losses))
+    made = open_store(data).manifest["settings"]["preset"]
+    if made not in (preset, "imported"):
         raise ValueError(
-            f"{options.data} was made with the preset {made}, and {options.preset} is given; name "
-            "the preset of the dataset"
+            f"{data} was made with the preset {made}, and {preset} is given; name the preset of "
+            "the dataset"
         )
-    use_threads(options.threads)
-    start = None if options.start is None else load_weights(options.start)
-    _, history = fit(
-        method, options.data, settings, options.out, resume=options.resume, start=start,
-        workers=options.workers, device=options.device, progress=True,
-    )  # fmt: skip
+    processes = how.begin()
+    first = None if start is None else load_weights(start)
+    _, history = fit(chosen, data, config, out, resume=resume, start=first, **processes)
     if int(os.environ.get("RANK", 0)):  # the first of several processes speaks for all
         return
     best = min(history, key=lambda row: row["validation_mae"])
     print(
         f"{len(history)} epochs, {sum(row['seconds'] for row in history):.0f} s; best validation "
         f"MAE {best['validation_mae']:.4f} rad, wrong orders {best['validation_order_errors']:.2%} "
-        f"after epoch {best['epoch']}, in {options.out / 'weights.safetensors'}"
+        f"after epoch {best['epoch']}, in {out / 'weights.safetensors'}"
     )
 
 
-def _changed(method, options):
+def _changed(method, name: str, network: dict, losses: dict):
     """The method with the options that were given for it."""
     from fpputil.networks.losses import Weights
 
-    given = _given(options, OF_METHOD)
-    weights = _given(options, ("phase", "consistency", "geometric", "mean", "l1"))
-    weights |= {} if options.modulo is None else {"order": not options.modulo}
     known = {f.name for f in fields(method)}
-    for name in (*given, *(["weights of losses"] if weights and "weights" not in known else [])):
-        if name not in known:
+    of_losses = ["weights of losses"] if losses and "weights" not in known else []
+    for option in (*network, *of_losses):
+        if option not in known:
             raise ValueError(
-                f"{name} given for {options.method}; its settings are {', '.join(sorted(known))}"
+                f"{option} given for {name}; its settings are {', '.join(sorted(known))}"
             )
-    if weights:
-        given["weights"] = replace(method.weights or Weights(), **weights)
-    return replace(method, **given)
-
-
-def _given(options, names) -> dict:
-    """The options that were given."""
-    return {k: v for k in names if (v := getattr(options, k)) is not None}
+    if "modulo" in losses:
+        losses["order"] = not losses.pop("modulo")
+    if losses:
+        network["weights"] = replace(method.weights or Weights(), **losses)
+    return replace(method, **network)

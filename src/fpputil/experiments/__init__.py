@@ -5,8 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "registry": ["Experiment", "ROWS", "SEEDS", "budget", "experiments"],
-        "runs": ["make_run", "read_results"],
+        "registry": ["Experiment", "ROWS", "SEEDS", "budget", "experiments", "recipe"],
+        "runs": ["load", "make_run", "read_results", "training_cost", "training_speed"],
         "learning_rate": ["search_learning_rate"],
         "assessment": ["assess"],
         "error_analysis": ["ErrorAnalysis"],

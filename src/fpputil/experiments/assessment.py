@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import defaultdict
+from copy import copy
 from pathlib import Path
 
 from fpputil.dataset.augmentation import Augmentation
@@ -58,53 +59,46 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         splits: of "test" and "held-out", and conditions: of each of `CONDITIONS` on some test
         views, a dict of views, measures (of `Score.summary`), models and, by kind and model, sums
         (`KINDS`). The splits also have alone, the measures without the second phase; the test
-        split has inspection, the `Inspection.sums` of each model.
+        split has inspection, the `ErrorAnalysis.sums` of each model.
     """
-    found = {"splits": {}, "conditions": {}}
-    for split in SPLITS:
-        opened = open_split(trained, data, split)
-        seen = _Seen(opened)
-        both, alone = evaluate(trained, opened, seen, **loading)
-        found["splits"][split] = {**scored(both), "views": len(opened), "alone": alone.summary()}
-        if split == "test":
-            kept = [seen.inspections[model].sums() for model in both.models]
-            found["splits"][split]["inspection"] = kept
-            write_arrays(pictures, seen.kept)
-            if not (views := pictures.with_name(VIEWS)).is_file():  # every run has the same
-                write_arrays(views, seen.truth)
+    splits = {split: open_split(trained, data, split) for split in SPLITS}
+    test, analyses, errors, truth = splits["test"], defaultdict(ErrorAnalysis), {}, {}
+    chosen = {int(test.indices[k]) for k in spread(test, PICTURES)}
+
+    def keep(item: dict, prediction) -> None:
+        analyses[int(item["model"])].add(item, prediction)
+        if (index := int(item["index"])) in chosen:
+            errors[str(index)] = (prediction.Phi - item["Phi"])[item["mask"]]
+            truth.update({f"{index}-{name}": item[name] for name in TRUTH})
+
+    result = {"splits": {}, "conditions": {}}
+    for split, views in splits.items():
+        both, alone = evaluate(trained, views, keep if split == "test" else None, **loading)
+        result["splits"][split] = {**scored(both, len(views)), "alone": alone.summary()}
+    result["splits"]["test"]["inspection"] = [a.sums() for a in analyses.values()]
+    write_arrays(pictures, errors)
+    if not (beside := pictures.with_name(VIEWS)).is_file():  # every run has the same
+        write_arrays(beside, truth)
+    few = spread(test, CONDITION_VIEWS)
     for name, options in CONDITIONS.items():
         camera = Augmentation(**{k: (v, v) for k, v in options.items() if k != "texture"})
-        texture = options.get("texture", 0.0)
-        other = open_split(trained, data, "test", camera, texture=texture)
-        truth = open_split(trained, data, "test", texture=texture)
-        views = spread(other, CONDITION_VIEWS)
-        both, _ = evaluate(trained, other, truth=truth, views=views, **loading)
-        found["conditions"][name] = {**scored(both), "views": len(views)}
-    return found
+        surface = _changed(test, texture=options.get("texture", 0.0))
+        seen = _changed(surface, augmentation=camera)
+        both, _ = evaluate(trained, seen, truth=surface, views=few, **loading)
+        result["conditions"][name] = scored(both, len(few))
+    return result
 
 
-def scored(score: Score) -> dict:
+def scored(score: Score, views: int) -> dict:
     """Measures of a score, its models, and the sums behind them."""
-    own = list(score.models.values())
-    sums = {k: [m[k][1:4].tolist() for m in own] for k in KINDS if k in own[0]}
-    return {"measures": score.summary(), "models": list(score.models), "sums": sums}
+    models = list(score.models.values())
+    sums = {k: [m[k][1:4].tolist() for m in models] for k in KINDS if k in models[0]}
+    measures = score.summary()
+    return {"measures": measures, "models": list(score.models), "sums": sums, "views": views}
 
 
-class _Seen:
-    """What is kept of views beside their errors by model."""
-
-    def __init__(self, data: SynthFringe):
-        self.inspections, self.kept, self.truth = {}, {}, {}
-        self.chosen = {int(data.indices[k]) for k in spread(data, PICTURES)}
-
-    def __call__(self, item: dict, found) -> None:
-        self.inspections.setdefault(int(item["model"]), ErrorAnalysis()).add(item, found)
-        if int(item["index"]) in self.chosen:
-            self.kept[f"{item['index']}"] = (found.Phi - item["Phi"])[item["mask"]]
-            self.truth |= {f"{item['index']}-{k}": item[k] for k in TRUTH}
-
-
-def analyse_errors(runs: Iterable[dict]) -> dict:
-    """Measures of `Inspection` of the test views of one or more runs together."""
-    sums = [own for run in runs for own in run["splits"]["test"]["inspection"]]
-    return ErrorAnalysis.of(sums).summary()
+def _changed(data: SynthFringe, **changes) -> SynthFringe:
+    """The same views, of the same open dataset, photographed otherwise."""
+    other = copy(data)
+    vars(other).update(changes)
+    return other

@@ -31,6 +31,12 @@ def edges_of(modulation: np.ndarray) -> np.ndarray:
     Returns
     -------
     (H, W) bool array
+
+    Examples
+    --------
+    >>> step = np.repeat([[60.0] * 6 + [20.0] * 6], 8, axis=0)
+    >>> np.flatnonzero(edges_of(step)[4])
+    array([5])
     """
     plain = np.rint(np.clip(2 * modulation, 0, 255)).astype(np.uint8)
     return cv2.Canny(plain, *CANNY) > 0
@@ -82,10 +88,10 @@ def creases(phi: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[float,
     """
     product = square = 0.0
     for a, b, m in ((phi, true, mask), (phi.T, true.T, mask.T)):
-        found, bent = (wrap(np.diff(x.astype(float), 2, axis=1)) for x in (a, b))
+        guess, bent = (wrap(np.diff(x.astype(float), 2, axis=1)) for x in (a, b))
         steep = np.abs(np.diff(b.astype(float), 2, axis=1)) > STEP
         whole = m[:, :-2] & m[:, 1:-1] & m[:, 2:] & ~steep
-        product += (found * bent)[whole].sum()
+        product += (guess * bent)[whole].sum()
         square += (bent[whole] ** 2).sum()
     return product, square
 
@@ -111,20 +117,20 @@ class ErrorAnalysis:
     inner: np.ndarray = field(default_factory=lambda: np.zeros(2))
     bent: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
-    def add(self, item: dict, found) -> None:
-        """Add a view: an item of `SynthFringe` as arrays, and what was `Measured`."""
+    def add(self, item: dict, prediction) -> None:
+        """Add a view: an item of `SynthFringe` as arrays, and the `Prediction` of it."""
         mask, distance = item["mask"], edge_distance(item["modulation"])
-        e = np.abs(found.Phi - item["Phi"])[mask].astype(float)
+        e = np.abs(prediction.Phi - item["Phi"])[mask].astype(float)
         at = np.digitize(distance[mask], DISTANCES[1:-1])
         for row, values in enumerate((np.ones_like(e), e, ~(e <= math.pi))):
             self.classes[row] += np.bincount(at, values, minlength=len(DISTANCES) - 1)
-        high = wrap(found.phi_h - item["Phi"])
+        high = wrap(prediction.phi_h - item["Phi"])
         inner = mask & (distance > INNER) & (np.abs(high) < SMALL)
         if (number := inner.sum()) > 8 * HARMONICS:
             e, Phi = (a[inner].astype(float) for a in (high, item["Phi"]))
             self.power += number * waves(e, Phi) ** 2
             self.inner += number, (e**2).sum()
-        self.bent += creases(found.phi_h, item["Phi"], mask)
+        self.bent += creases(prediction.phi_h, item["Phi"], mask)
 
     def summary(self) -> dict[str, list[float] | float]:
         """Measures of all views together.
@@ -154,10 +160,9 @@ class ErrorAnalysis:
 
     def sums(self) -> dict[str, list]:
         """What was gathered, as JSON holds it."""
-        return {k: getattr(self, k).tolist() for k in ("classes", "power", "inner", "bent")}
+        return {name: values.tolist() for name, values in vars(self).items()}
 
     @classmethod
     def of(cls, sums: list[dict[str, list]]) -> ErrorAnalysis:
         """Several `sums` together."""
-        names = ("classes", "power", "inner", "bent")
-        return cls(*(np.sum([one[k] for one in sums], axis=0) for k in names))
+        return cls(**{k: np.sum([one[k] for one in sums], axis=0) for k in sums[0]})

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-
-from filelock import FileLock
 
 from fpputil.dataset.store import open_store
 from fpputil.experiments.registry import LEARNING_RATES, SEARCH_CONFIG, SEARCHED, methods
 from fpputil.files import write_whole
 from fpputil.learning.devices import device_of, hardware
 from fpputil.learning.training import fit
-from fpputil.learning.weights import plain
-from fpputil.networks.methods import method_of, settings_of
+from fpputil.networks.methods import settings_of
 
 MEASURES = ("mae", "rmse", "order_errors")
 
 
-def search_learning_rate(data: str | Path, path: str | Path, kinds=None, **how) -> dict[str, float]:
+def search_learning_rate(
+    data: str | Path, path: str | Path, kinds: Sequence[str] = (), **how
+) -> dict[str, float]:
     """Try learning rates for each of some kinds of runs, those that a JSON file lacks.
 
     Parameters
@@ -28,9 +28,9 @@ def search_learning_rate(data: str | Path, path: str | Path, kinds=None, **how) 
     data : path
         A dataset of the preset "tiny".
     path : path
-        Of the file: data (checksum), settings, methods, hardware, and runs: of each kind and
-        rate mae, rmse (radians) and order_errors (0 to 1) on validation views, and seconds; mae
-        is None where the loss was not finite.
+        Of the file: data (name of the dataset), settings, methods, hardware, and runs: of each
+        kind and rate mae, rmse (radians) and order_errors (0 to 1) on validation views, and
+        seconds; mae is None where the loss was not finite.
     kinds : sequence of str
         Of `SEARCHED`; by default all.
     **how
@@ -53,28 +53,22 @@ def search_learning_rate(data: str | Path, path: str | Path, kinds=None, **how) 
     path, store, known = Path(path), open_store(data), methods("tiny")
     if (made := store.manifest["settings"]["preset"]) != "tiny":
         raise ValueError(f"{data} was made with the preset {made}; rates are searched at tiny")
-    about = {
+    wanted = {
         "data": store.name,
-        "settings": plain(asdict(SEARCH_CONFIG)),
+        "settings": as_json(asdict(SEARCH_CONFIG)),
         "methods": {kind: settings_of(known[kind]) for kind in SEARCHED},
     }
+    search = read_json(path, *wanted, "runs") if path.is_file() else {**wanted, "runs": {}}
+    if other := [k for k in wanted if search[k] != wanted[k]]:
+        raise ValueError(f"{path} is a search with other {other[0]}; remove it to search anew")
     path.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(path.with_suffix(".lock")):  # a second search waits, and finds all done
-        found = {**about, "runs": {}}
-        if path.is_file():
-            found = read_json(path, *about, "runs")
-            found["methods"] = {k: settings_of(method_of(v)) for k, v in found["methods"].items()}
-            if other := [k for k in about if found[k] != about[k]]:
-                raise ValueError(
-                    f"{path} is a search with other {other[0]}; remove it to search anew"
-                )
-        for kind in kinds:
-            tried = found["runs"].setdefault(kind, {})
-            while (rate := _next_rate(tried)) is not None:
-                tried[f"{rate:g}"] = _try(known[kind], data, rate, how)
-                found["hardware"] = hardware(device_of(how.get("device") or "cpu"))
-                write_whole(path, f"{json.dumps(found, indent=1)}\n".encode())
-    return {kind: best_learning_rate(path, kind) for kind in kinds}
+    for kind in kinds:
+        tried = search["runs"].setdefault(kind, {})
+        while (rate := _next_rate(tried)) is not None:
+            tried[f"{rate:g}"] = _try(known[kind], data, rate, how)
+            search["hardware"] = hardware(device_of(how.get("device") or "cpu"))
+            write_whole(path, f"{json.dumps(search, indent=1)}\n".encode())
+    return {kind: _best(search["runs"][kind]) for kind in kinds}
 
 
 def _try(method, data, rate: float, how: dict) -> dict:
@@ -98,12 +92,13 @@ def _next_rate(tried: dict[str, dict]) -> float | None:
 
 
 def _best(tried: dict[str, dict]) -> float:
-    known = {float(rate): found["mae"] for rate, found in tried.items()}
-    return min(known, key=lambda rate: math.inf if known[rate] is None else known[rate])
+    """The rate with the least MAE; one that diverged has none."""
+    mae = {float(rate): result["mae"] for rate, result in tried.items()}
+    return min(mae, key=lambda rate: math.inf if mae[rate] is None else mae[rate])
 
 
 def best_learning_rate(path: str | Path, kind: str) -> float:
-    """The rate with the least validation MAE of a kind, as `search` found it.
+    """The rate with the least validation MAE of a kind, as `search_learning_rate` found it.
 
     Raises
     ------
@@ -122,9 +117,14 @@ def best_learning_rate(path: str | Path, kind: str) -> float:
 def read_json(path: Path, *needed: str) -> dict:
     """A JSON file of results; ValueError with its path if it is cut or lacks what is needed."""
     try:
-        found = json.loads(path.read_text())
-        if lacking := [name for name in needed if name not in found]:
+        values = json.loads(path.read_text())
+        if lacking := [name for name in needed if name not in values]:
             raise ValueError(f"no {lacking[0]} in it")
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path} is no file of results ({error}); remove it") from error
-    return found
+    return values
+
+
+def as_json(value):
+    """The value as it comes back from JSON: tuples as lists, keys as text."""
+    return json.loads(json.dumps(value))

@@ -1,31 +1,69 @@
-"""The runs behind Tables 3 to 6 of the paper and behind our own, by name (chapters 10 and 11).
+"""The runs behind Tables 3 to 6 of the paper and behind our own, by name (chapters 8, 10 and 11).
 
-A run is a method, a seed and a preset; `results` trains it, measures it and keeps what it found.
+A run is a method, a seed and a preset; `make_run` trains it, measures it and keeps the result.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from fpputil.experiments.recipes import CAMERA, recipe, sized
+from fpputil.dataset.augmentation import Augmentation
 from fpputil.learning.config import TrainingConfig
 from fpputil.networks.losses import Weights
-from fpputil.networks.methods import DLALNetMethod, Method, PSNetMethod, SFNetMethod, SIDOMethod
+from fpputil.networks.methods import METHODS, Method
+
+CAMERA = Augmentation(gain=(0.8, 1.2), noise=(0.0, 1.0))
+_SHORT = TrainingConfig(
+    epochs=3, learning_rate=2e-3, schedule="one-cycle", early_stopping=0, augmentation=CAMERA
+)
+_PAPER = TrainingConfig(augmentation=CAMERA)
+
+
+@dataclass(frozen=True)
+class Training:
+    """How the networks of a preset are trained.
+
+    Parameters
+    ----------
+    levels : int
+        Pairs of convolutions in an encoder.
+    recipe : TrainingConfig
+        Of a network to be used; all have 8 channels by `sized`.
+    budget : TrainingConfig
+        Of every run of a table but for learning rate and seed: the same for all methods.
+    size : int
+        Channels of these runs by `sized`.
+    """
+
+    levels: int
+    recipe: TrainingConfig
+    budget: TrainingConfig
+    size: int
+
+
+TRAINING = {
+    "tiny": Training(5, _SHORT, replace(_SHORT, training_views=4800), 4),
+    "small": Training(5, replace(_SHORT, epochs=4), replace(_SHORT, training_views=2400), 4),
+    # With early stopping some runs would see more pictures than others.
+    "paper": Training(6, _PAPER, replace(_PAPER, early_stopping=0), 8),
+}
+"""By preset. "paper" has the levels, batch, epochs, optimiser and schedule of the paper; width,
+rate, dropout, patience and augmentation it does not give, they are ours. It needs a GPU. "tiny"
+and "small" are for two cores."""
+
+WIDTHS = {"sfnet": 2, "sido": 2.5, "psnet": 2, "dlalnet": 3}
+"""Channels of the finest level, in parts, that give all methods about as many parameters."""
 
 PLAIN = Weights(consistency=0, geometric=0, order=False)
 CONSISTENCY, GEOMETRIC = ("1e-1", "1e-2", "1e-3"), ("1e-5", "1e-6", "1e-7")
-
-
-def _by_weights() -> dict[tuple[str, str], str]:
-    names = {(c, g): f"sfnet-{c}-{g}" for c in CONSISTENCY for g in GEOMETRIC}
-    return names | {("1e-2", "1e-6"): "sfnet"}
-
+_BY_WEIGHTS = {(c, g): f"sfnet-{c}-{g}" for c in CONSISTENCY for g in GEOMETRIC}
+_BY_WEIGHTS["1e-2", "1e-6"] = "sfnet"
 
 ROWS = {
     3: {"SFNet": "sfnet", "SIDO": "sido", "PSNet": "psnet", "DLALNet": "dlalnet"},
     4: {"A": "sfnet-a", "B": "sfnet-b", "C": "sfnet"},
     5: {"1 + 1": "sfnet", "2 + 2": "sfnet-2-frames", "3 + 3": "sfnet-3-frames"},
-    6: {f"{c}, {g}": name for (c, g), name in _by_weights().items()},
+    6: {f"{c}, {g}": name for (c, g), name in _BY_WEIGHTS.items()},
     "ours": {
         "losses as printed": "sfnet-printed",
         "joined at every level": "sfnet-every-level",
@@ -47,11 +85,13 @@ SCENES = 14_400
 LEARNING_RATES = (1e-3, 2e-3, 4e-3)
 """Learning rates that are tried first; where the best lies at an end, the search goes on there."""
 
-SEARCHED = (
-    *("sfnet", "sido", "psnet", "dlalnet"),
-    *("sfnet-a", "sfnet-b", "sfnet-printed", "dlalnet-losses"),
-)
+SEARCHED = (*METHODS, "sfnet-a", "sfnet-b", "sfnet-printed", "dlalnet-losses")
 """Runs that a learning rate is searched for; other runs of SFNet and SIDO take theirs."""
+
+SEARCH_CONFIG = replace(
+    TRAINING["tiny"].budget, epochs=1, training_views=2400, learning_rate=LEARNING_RATES[0]
+)
+"""Settings of the search for a learning rate, at `tiny`, for all presets."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +111,59 @@ class Experiment:
     seed: int = 0
 
 
+def training(preset: str) -> Training:
+    """How the networks of a preset are trained; ValueError if there is no such preset."""
+    if preset not in TRAINING:
+        raise ValueError(f"preset {preset!r} given; the presets are {', '.join(TRAINING)}")
+    return TRAINING[preset]
+
+
+def budget(preset: str) -> TrainingConfig:
+    """Settings of every run of a preset but for learning rate and seed.
+
+    Examples
+    --------
+    >>> budget("tiny").epochs, budget("tiny").training_views
+    (3, 4800)
+    """
+    return training(preset).budget
+
+
+def recipe(preset: str, name: str = "sfnet") -> tuple[Method, TrainingConfig]:
+    """Method and settings of a network to be used. Chapter 8.
+
+    Below the preset "paper" SFNet has its features joined at every level and a loss that compares
+    absolute phases modulo 2 pi and averages Eq. 14; ``data/results/sfnet-choices.json`` tells
+    what these are worth.
+
+    Parameters
+    ----------
+    preset : str
+        "tiny", "small" or "paper".
+    name : str
+        One of `METHODS`.
+
+    Examples
+    --------
+    >>> method, config = recipe("tiny")
+    >>> method.mixing, config.schedule
+    ('every level', 'one-cycle')
+    """
+    how = training(preset)
+    if name not in METHODS:
+        raise ValueError(f"method {name!r} given; the methods are {', '.join(METHODS)}")
+    method = METHODS[name](base=sized(name, 8), levels=how.levels)
+    if name == "sfnet" and preset != "paper":
+        weights = Weights(order=False, mean=True)
+        method = replace(method, mixing="every level", weights=weights)
+    return method, how.recipe
+
+
+def sized(name: str, unit: int) -> int:
+    """Channels of the finest level of a method; with the same `unit` all cost about the same."""
+    return int(WIDTHS[name] * unit)
+
+
 def methods(preset: str) -> dict[str, Method]:
     """Methods of all rows by the name of their run.
 
@@ -80,37 +173,28 @@ def methods(preset: str) -> dict[str, Method]:
     Eq. 14 averaged: its orders are not held in the measuring range, and added up, their first
     guesses drown all else. The paper's preset has twice the channels and six levels.
     """
-    large = preset == "paper"
-    recipe(preset)  # which knows the presets
-    size = {
-        k: {"base": sized(k, 8 if large else 4), "levels": 6 if large else 5}
-        for k in ("sfnet", "sido", "psnet", "dlalnet")
-    }
+    how = training(preset)
+    plain = {k: kind(base=sized(k, how.size), levels=how.levels) for k, kind in METHODS.items()}
     weights = Weights(order=False)
-    sfnet = SFNetMethod(weights=weights, **size["sfnet"])
-    sido = SIDOMethod(**size["sido"])
-    dlalnet = DLALNetMethod(**size["dlalnet"])
-    other = {
-        name: replace(sfnet, weights=replace(weights, consistency=float(c), geometric=float(g)))
-        for (c, g), name in _by_weights().items()
-    }
+    sfnet = replace(plain["sfnet"], weights=weights)
     return {
+        **plain,
         "sfnet": sfnet,
-        "sido": sido,
-        "psnet": PSNetMethod(**size["psnet"]),
-        "dlalnet": dlalnet,
         "sfnet-a": replace(sfnet, mixing="none", weights=PLAIN),
         "sfnet-b": replace(sfnet, weights=PLAIN),
         "sfnet-2-frames": replace(sfnet, frames=2),
         "sfnet-3-frames": replace(sfnet, frames=3),
-        **other,
+        **{
+            name: replace(sfnet, weights=replace(weights, consistency=float(c), geometric=float(g)))
+            for (c, g), name in _BY_WEIGHTS.items()
+        },
         "sfnet-printed": replace(sfnet, weights=Weights()),
         "sfnet-every-level": replace(sfnet, mixing="every level"),
         "sfnet-zmin": replace(sfnet, reference="zmin"),
         "sfnet-mid": replace(sfnet, reference="mid"),
         "sfnet-unit": replace(sfnet, reference="unit"),
-        "sido-no-plane": replace(sido, plane=False),
-        "dlalnet-losses": replace(dlalnet, weights=replace(weights, mean=True)),
+        "sido-no-plane": replace(plain["sido"], plane=False),
+        "dlalnet-losses": replace(plain["dlalnet"], weights=replace(weights, mean=True)),
     }
 
 
@@ -123,29 +207,17 @@ def experiments(preset: str) -> dict[str, Experiment]:
     """All runs of a preset by name, in the order in which they are made.
 
     Seed 0 of every row comes first, so that a table is whole before its intervals are.
+
+    Examples
+    --------
+    >>> len(experiments("tiny")), experiments("tiny")["sfnet-mid"].kind
+    (35, 'sfnet')
     """
-    found = {}
+    runs = {}
     for name, method in methods(preset).items():
         kind = name if name in SEARCHED else name.partition("-")[0]
-        found[name] = Experiment(method, kind)
+        runs[name] = Experiment(method, kind)
     for seed in (1, 2):
         for name in (k for k, seeds in SEEDS.items() if seed in seeds):
-            found[seeded_name(name, seed)] = replace(found[name], seed=seed)
-    return found
-
-
-def budget(preset: str) -> TrainingConfig:
-    """Settings of every run of a preset but for rate and seed: the same for all methods."""
-    short = TrainingConfig(schedule="one-cycle", early_stopping=0, augmentation=CAMERA)
-    settings = {
-        "tiny": replace(short, epochs=3, training_views=4800),
-        "small": replace(short, epochs=3, training_views=2400),
-        "paper": replace(
-            recipe("paper")[1], early_stopping=0
-        ),  # or some would see more than others
-    }
-    return settings[preset]
-
-
-SEARCH_CONFIG = replace(budget("tiny"), epochs=1, training_views=2400)
-"""Settings of the search for a learning rate, at `tiny`, for all presets."""
+            runs[seeded_name(name, seed)] = replace(runs[name], seed=seed)
+    return runs

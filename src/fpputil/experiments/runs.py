@@ -1,29 +1,190 @@
-"""Making the runs of `experiments`, one JSON file each, and reading them (chapter 10)."""
+"""Making the runs of `experiments`, one JSON file each, and reading them (chapters 10 and 11)."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
+from statistics import median
 
+import numpy as np
 import torch
 from filelock import FileLock, Timeout
 
+from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.store import open_store
-from fpputil.experiments.assessment import SPLITS, assess
-from fpputil.experiments.learning_rate import best_learning_rate, read_json
-from fpputil.experiments.registry import Experiment, budget, experiments
+from fpputil.experiments import tables
+from fpputil.experiments.assessment import SPLITS, TRUTH, VIEWS, assess
+from fpputil.experiments.error_analysis import ErrorAnalysis
+from fpputil.experiments.learning_rate import as_json, best_learning_rate, read_json
+from fpputil.experiments.registry import SCENES, budget, experiments
+from fpputil.experiments.statistics import (
+    Interval,
+    Spread,
+    bootstrap,
+    difference,
+    seed_variation,
+    seeds_of,
+)
 from fpputil.files import write_whole
-from fpputil.learning.training import CONFIG, WEIGHTS, fit
-from fpputil.learning.weights import Trained, load_weights, plain, short
+from fpputil.learning.config import TrainingConfig
+from fpputil.learning.training import CHECKPOINT, WEIGHTS, fit
+from fpputil.learning.weights import load_weights, short
 from fpputil.networks.complexity import cost
-from fpputil.networks.methods import method_of, settings_of
+from fpputil.networks.methods import Method, method_of, settings_of
+from fpputil.notebook import Table
+from fpputil.optics.system import preset as preset_of
 
 RESULTS = Path("data/results")
+IDENTITY = ("name", "preset", "seed", "data", "method", "settings")
+COSTS = ("parameters", "multiply_adds", "images", "seconds", "hardware", "history")
+TILE = 32  # pixels that every network halves without a rest: its work grows with their number
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a network was measured to do on some views; ``part.mae_mm`` is a measure's value.
+
+    Parameters
+    ----------
+    measures : dict
+        Of `Score.summary`: value and interval over models, None where nothing was measured.
+        ``part.mae``, ``part.rmse`` and ``part.median`` are those in radians.
+    models : list of int
+    sums : dict
+        By kind of error, for each model: number, sum of ``|e|``, sum of squares.
+    views : int
+    """
+
+    measures: dict[str, Interval]
+    models: list[int] = field(default_factory=list)
+    sums: dict[str, list] = field(default_factory=dict)
+    views: int = 0
+
+    @classmethod
+    def of(cls, stored: dict) -> Part:
+        measures = {k: Interval(*v) for k, v in stored["measures"].items()}
+        return cls(measures, stored["models"], stored["sums"], stored["views"])
+
+    def __getattr__(self, name: str) -> float:
+        measures = vars(self).get("measures", {})
+        for key in (name, f"{name}_rad"):
+            if key in measures:
+                return measures[key].value
+        raise AttributeError(f"{name} asked for; the measures are {', '.join(measures)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished run: ``run.test.mae``, ``run.parts["noise 4"].order_errors``.
+
+    Parameters
+    ----------
+    name, preset : str
+    seed : int
+    data : str
+        Name of the dataset.
+    method : Method
+    settings : TrainingConfig
+    parameters, multiply_adds : int
+        Of the network, for one view.
+    images : int
+        Seen in training.
+    seconds : float
+    hardware : dict
+    history : list of dict
+        A row an epoch.
+    parts : dict
+        "test", "held-out" and each of `CONDITIONS`.
+    alone : Part
+        Measures of phi_h of the test views, without the second phase.
+    analyses : list of dict
+        Sums of `ErrorAnalysis` of each test model.
+    """
+
+    name: str
+    preset: str
+    seed: int
+    data: str
+    method: Method
+    settings: TrainingConfig
+    parameters: int
+    multiply_adds: int
+    images: int
+    seconds: float
+    hardware: dict
+    history: list[dict]
+    parts: dict[str, Part]
+    alone: Part
+    analyses: list[dict]
+
+    @property
+    def kind(self) -> str:
+        """Name of the method: "sfnet", "sido", "psnet" or "dlalnet"."""
+        return settings_of(self.method)["method"]
+
+    @property
+    def test(self) -> Part:
+        return self.parts["test"]
+
+    @property
+    def held_out(self) -> Part:
+        return self.parts["held-out"]
+
+    @property
+    def analysis(self) -> dict:
+        """Measures of `ErrorAnalysis` over the test views."""
+        return ErrorAnalysis.of(self.analyses).summary()
+
+
+def read_result(path: Path) -> Run:
+    """A finished run; ValueError with the path if the file is cut, foreign or outdated."""
+    stored = read_json(path, *IDENTITY, "splits", "conditions")
+    try:
+        settings = dict(stored["settings"])
+        camera = {k: tuple(v) for k, v in settings.pop("augmentation").items()}
+        test, parts = stored["splits"]["test"], stored["splits"] | stored["conditions"]
+        return Run(
+            **{k: stored[k] for k in (*IDENTITY[:4], *COSTS)},
+            method=method_of(stored["method"]),
+            settings=TrainingConfig(augmentation=Augmentation(**camera), **settings),
+            parts={name: Part.of(part) for name, part in parts.items()},
+            alone=Part({k: Interval(*v) for k, v in test["alone"].items()}, views=test["views"]),
+            analyses=test["inspection"],
+        )
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is of no method of this version ({error})") from error
+
+
+def read_results(preset: str, path: str | Path = RESULTS) -> dict[str, Run]:
+    """All finished runs of a preset, by name.
+
+    Raises
+    ------
+    ValueError
+        If one was made with another method or budget than `experiments` has, or if they were
+        made on different datasets.
+    """
+    folder, runs = Path(path) / preset, {}
+    for name, experiment in experiments(preset).items():
+        if not (file := folder / f"{name}.json").is_file():
+            continue
+        run = runs[name] = read_result(file)
+        rate = run.settings.learning_rate
+        settings = replace(budget(preset), seed=experiment.seed, learning_rate=rate)
+        for what, needed in (("method", experiment.method), ("settings", settings)):
+            if getattr(run, what) != needed:
+                raise ValueError(
+                    f"{file} was made with other {what} than this version's; make it again: "
+                    f"fpp results run {name} --preset {preset}"
+                )
+    if (number := len({run.data for run in runs.values()})) > 1:
+        raise ValueError(f"{folder} holds runs on {number} datasets; a table is about one")
+    return runs
 
 
 def make_run(
@@ -34,8 +195,8 @@ def make_run(
     results: str | Path = RESULTS,
     wait: bool = False,
     **how,
-) -> dict:
-    """Make a run, or go on with it, unless it is finished; returns what it found.
+) -> Run:
+    """Make a run, or go on with it, unless it is finished.
 
     It leaves NAME.json, NAME.npz (errors of some views) and NAME.png (its curve) in the folder of
     the preset.
@@ -63,117 +224,53 @@ def make_run(
     BlockingIOError
         If another process is making it, and `wait` is not given.
     """
-    known, results = experiments(preset), Path(results)
+    known, store, results = experiments(preset), open_store(data), Path(results)
     if name not in known:
         raise ValueError(f"run {name!r} given; the runs are {', '.join(known)}")
-    settings, about = _wanted(name, preset, known[name], data, results)
-    path = results / preset / f"{name}.json"
-    mark = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:8]
-    folder = Path(work) / preset / f"{name}-{mark}"
-    folder.mkdir(parents=True, exist_ok=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with _claim(folder, name, wait):
-        if (found := finished(path, about)) is not None:
-            return found
-        resume = (folder / CONFIG).is_file()
-        _, history = fit(known[name].method, data, settings, folder, resume=resume, **how)
-        trained = load_weights(folder / WEIGHTS)
-        found = {**about, "checksum": open_store(data).checksum, **_facts(trained, history)}
-        found |= assess(trained, data, path.with_suffix(".npz"), **_loading(how))
-        write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
-        write_whole(path, f"{json.dumps(short(found), separators=(',', ':'))}\n".encode())
-    return read_result(path)
-
-
-def _wanted(name: str, preset: str, one: Experiment, data, results: Path):
-    """Settings of a run, and all that makes it what it is."""
-    store = open_store(data)
     if (made := store.manifest["settings"]["preset"]) != preset:
         raise ValueError(f"{data} was made with the preset {made}, and {preset} is asked for")
     for split in ("training", "validation", *SPLITS):
         store.indices(split)  # which raises if it lacks one
-    rate = best_learning_rate(results / "tiny" / "rates.json", one.kind)
-    settings = replace(budget(preset), learning_rate=rate, seed=one.seed)
-    return settings, {
-        "name": name,
-        "preset": preset,
-        "seed": one.seed,
-        "data": store.name,
-        "method": settings_of(one.method),
-        "settings": plain(asdict(settings)),
-    }
-
-
-def finished(path: Path, about: dict) -> dict | None:
-    """What a run found, if it is the run `about` describes."""
-    if not path.is_file():
-        return None
-    found = read_result(path)
-    return found if all(found[k] == v for k, v in plain(about).items()) else None
-
-
-def read_result(path: Path) -> dict:
-    """What a run found; ValueError with the path if the file is cut or foreign."""
-    needed = ("name", "preset", "seed", "data", "method", "settings", "splits", "conditions")
-    found = read_json(path, *needed)
-    try:
-        found["method"] = settings_of(method_of(found["method"]))
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} is of no method of this version ({error})") from error
-    return found
-
-
-def read_results(preset: str, path: str | Path = RESULTS) -> dict[str, dict]:
-    """What all finished runs of a preset found, by name.
-
-    Raises
-    ------
-    ValueError
-        If one was made with another method or budget than `experiments` has, or if they were
-        made on different datasets.
-    """
-    known, shared = experiments(preset), plain(asdict(budget(preset)))
-    folder, runs = Path(path) / preset, {}
-    for name, one in known.items():
-        if not (file := folder / f"{name}.json").is_file():
-            continue
-        runs[name] = read_result(file)
-        own = plain(
-            {
-                **shared,
-                "seed": one.seed,
-                "learning_rate": runs[name]["settings"].get("learning_rate"),
-            }
-        )
-        for what, needed in (("method", settings_of(one.method)), ("settings", own)):
-            if runs[name][what] != plain(needed):
-                raise ValueError(
-                    f"{file} was made with other {what} than this version's; make it again: "
-                    f"fpp results run {name} --preset {preset}"
-                )
-    if len(found := {r["data"] for r in runs.values()}) > 1:
-        raise ValueError(f"{folder} holds runs on {len(found)} datasets; a table is about one")
-    return runs
-
-
-@contextmanager
-def _claim(folder: Path, name: str, wait: bool) -> Iterator[None]:
-    """Hold a run against other processes; the lock dies with its process."""
-    try:
+    method, kind, seed = known[name].method, known[name].kind, known[name].seed
+    rate = best_learning_rate(results / "tiny" / "rates.json", kind)
+    settings = replace(budget(preset), learning_rate=rate, seed=seed)
+    values = (name, preset, seed, store.name, settings_of(method), as_json(asdict(settings)))
+    identity = dict(zip(IDENTITY, values, strict=True))
+    mark = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:8]
+    path = results / preset / f"{name}.json"
+    folder = Path(work) / preset / f"{name}-{mark}"
+    for needed in (folder, path.parent):
+        needed.mkdir(parents=True, exist_ok=True)
+    try:  # the lock dies with its process
         with FileLock(folder / ".lock", timeout=-1 if wait else 0):
-            yield
+            if not finished(path, identity):
+                resume = (folder / CHECKPOINT).is_file()
+                _, history = fit(method, data, settings, folder, resume=resume, **how)
+                trained = load_weights(folder / WEIGHTS)
+                record = {**identity, "checksum": store.checksum, **_costs(trained, history)}
+                record |= assess(trained, data, path.with_suffix(".npz"), **_loading(how))
+                write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
+                write_whole(path, f"{json.dumps(short(record), separators=(',', ':'))}\n".encode())
     except Timeout:
         raise BlockingIOError(f"another process is making the run {name}") from None
+    return read_result(path)
 
 
-def _facts(trained: Trained, history: list[dict]) -> dict:
-    """What a run cost."""
-    spent = cost(trained.network, tuple(trained.metadata["camera"]))
+def finished(path: Path, identity: dict) -> bool:
+    """Whether a file holds the run of `IDENTITY`."""
+    if not path.is_file():
+        return False
+    stored = read_json(path, *IDENTITY)
+    return all(stored[k] == v for k, v in identity.items())
+
+
+def _costs(trained, history: list[dict]) -> dict:
+    work = cost(trained.network, tuple(trained.metadata["camera"]))
     return {
         "version": version("fpputil"),
         "hardware": trained.metadata["training"]["hardware"],
-        "parameters": spent.parameters,
-        "multiply_adds": spent.multiply_adds,
+        "parameters": work.parameters,
+        "multiply_adds": work.multiply_adds,
         "images": history[-1]["images"],
         "seconds": sum(row["seconds"] for row in history),
         "history": history,
@@ -184,3 +281,163 @@ def _loading(how: dict) -> dict:
     device = how.get("device") or ("cuda" if torch.cuda.is_available() else "cpu")
     shared = {"workers": how.get("workers", 0), "progress": how.get("progress", False)}
     return {**shared, "device": device, "precision": "float32"}  # on every device alike
+
+
+def training_cost(preset: str, names: Iterable[str]) -> dict[str, float]:
+    """Multiply-adds of all forward passes in training, by name of the run. Chapter 10.
+
+    The paper's dataset is taken to have `SCENES` views in training.
+    """
+    camera, settings, known = preset_of(preset).system.camera, budget(preset), experiments(preset)
+    tiles = -(-camera.height // TILE) * -(-camera.width // TILE)
+    images = settings.epochs * (settings.training_views or SCENES)
+    tile = {n: cost(known[n].method.network(), (TILE, TILE)).multiply_adds for n in names}
+    return {name: float(images * tiles * work) for name, work in tile.items()}
+
+
+def training_speed(runs: Mapping[str, Run]) -> float | None:
+    """Multiply-adds of forward passes that a second of training holds, or None without a run.
+
+    The median over the runs counts.
+    """
+    speeds = [run.images * run.multiply_adds / run.seconds for run in runs.values()]
+    return median(speeds) if speeds else None
+
+
+@dataclass(frozen=True, eq=False)
+class ResultView:
+    """A test view whose errors were kept.
+
+    Parameters
+    ----------
+    number : int
+        In the dataset.
+    mask : (H, W) bool array
+    Phi : (H, W) array
+        True absolute phase, radians; 0 outside the mask.
+    modulation, depth : (H, W) array
+        Grey levels and mm; 0 outside the mask.
+    folder : Path
+        Of the results of the preset.
+    """
+
+    number: int
+    mask: np.ndarray
+    Phi: np.ndarray
+    modulation: np.ndarray
+    depth: np.ndarray
+    folder: Path
+
+    def error(self, name: str) -> np.ndarray:
+        """Error of Phi of a run, (H, W) radians, NaN outside the mask."""
+        picture = np.full(self.mask.shape, np.nan)
+        with np.load(self.folder / f"{name}.npz") as file:
+            picture[self.mask] = file[str(self.number)]
+        return picture
+
+    def cropped(self, picture: np.ndarray) -> np.ndarray:
+        """The part of a picture (H, W) around the object, 4 : 3."""
+        v, u = np.nonzero(self.mask)
+        half = max(np.ptp(v) * 2 / 3, np.ptp(u) / 2) + 3
+        top = int(v.min() + v.max()) // 2 - round(0.75 * half)
+        left = int(u.min() + u.max()) // 2 - round(half)
+        rows = slice(max(top, 0), top + round(1.5 * half))
+        return picture[rows, max(left, 0) : left + round(2 * half)]
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """The finished runs of a preset, and what they say together. Chapters 10 and 11.
+
+    Parameters
+    ----------
+    preset : str
+    path : Path
+    runs : dict
+        By name.
+    seeded : dict
+        Runs from whose seeds to tell how far a seed moves a measure.
+    """
+
+    preset: str
+    path: Path
+    runs: dict[str, Run]
+    seeded: dict[str, Run]
+
+    def seeds(self, name: str) -> list[Run]:
+        """The runs of a row, one a seed."""
+        return seeds_of(name, self.runs)
+
+    def rows(self, number: int | str, *names: str) -> dict[str, tables.Row]:
+        """Rows of a table by the name of their run: all, or some."""
+        rows = {row.name: row for row in tables.table(number, self.runs, self.seeded)}
+        return {name: rows[name] for name in names or rows}
+
+    def table(self, number: int | str, *names: str) -> Table:
+        """A table of the paper, 3 to 6, or "ours", with the paper's values below ours."""
+        control = self.runs["sfnet"].alone.measures if "sfnet" in self.runs else None
+        return tables.as_table(self.rows(number, *names).values(), control)
+
+    def differences(self, number: int | str, *names: str) -> Table:
+        """By how much the MAE of each row of a table lies above SFNet's."""
+        return tables.differences_table(self.rows(number, *names).values())
+
+    def difference(self, a: str, b: str, measure="mae_rad", part="test") -> Interval:
+        """A measure of one row above that of another."""
+        spreads = {measure: self.seed_variation(measure)}
+        return difference(self.seeds(a), self.seeds(b), spreads, measure, part)
+
+    def mean(self, name: str, measure="mae_rad", part="test") -> float:
+        """A measure of a row, the mean over its seeds."""
+        return float(bootstrap(self.seeds(name), measure, part, draws=1)[0])
+
+    def seed_variation(self, measure="mae_rad") -> Spread:
+        """How much a seed moves a measure, in parts of it, by method."""
+        return seed_variation(self.seeded, measure)
+
+    def analysis(self, name: str) -> dict:
+        """Measures of `ErrorAnalysis` over the test views of all seeds of a row."""
+        return ErrorAnalysis.of([s for run in self.seeds(name) for s in run.analyses]).summary()
+
+    @property
+    def rates(self) -> dict[str, dict[str, dict]]:
+        """What the search for a learning rate found, by kind of run and rate."""
+        return read_json(self.path / "tiny" / "rates.json", "runs")["runs"]
+
+    @cached_property
+    def views(self) -> list[ResultView]:
+        """The test views whose errors were kept."""
+        folder = self.path / self.preset
+        with np.load(folder / VIEWS) as file:
+            truth = dict(file)
+        numbers = sorted({int(key.split("-")[0]) for key in truth if key.endswith("-mask")})
+        return [
+            ResultView(n, **{name: truth[f"{n}-{name}"] for name in TRUTH}, folder=folder)
+            for n in numbers
+        ]
+
+
+def load(preset: str, path: str | Path = RESULTS) -> Results:
+    """The finished runs of a preset.
+
+    Where none has another seed than 0, how far a seed moves a measure is taken from "tiny".
+
+    Parameters
+    ----------
+    preset : str
+        "tiny", "small" or "paper".
+    path : path
+        Folder of the results, with a folder for each preset.
+
+    Returns
+    -------
+    Results
+
+    Raises
+    ------
+    ValueError
+        As `read_results`.
+    """
+    path, runs = Path(path), read_results(preset, path)
+    seeded = runs if any(run.seed for run in runs.values()) else read_results("tiny", path)
+    return Results(preset, path, runs, seeded)

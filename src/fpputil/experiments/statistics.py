@@ -9,12 +9,14 @@ several seeds, in parts of the measure, and counts for its rows with one seed, t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import t as student
 
-from fpputil.checks import seeded, whole
 from fpputil.experiments.registry import SEEDS, seeded_name
+from fpputil.learning.metrics import draws_of_models
 
 MEASURES = {
     "mae_rad": ("rad", False),
@@ -28,33 +30,51 @@ MEASURES = {
 }
 """Kind of the sums of each measure, and whether it is a root of squares."""
 
-Interval = tuple[float, float, float]
-"""A value and the ends of its 95 % interval."""
-
 Spread = dict[str, tuple[float, int]]
 """By method: standard deviation that a seed gives a measure, in parts of it; degrees of freedom."""
 
 
-def seeds_of(name: str, runs: dict[str, dict], several: bool = True) -> list[dict]:
+class Interval(NamedTuple):
+    """A value and the ends of its 95 % interval.
+
+    Examples
+    --------
+    >>> f"{-Interval(-0.0267, -0.0338, -0.0195):.3f rad}"
+    '0.027 rad [0.019, 0.034]'
+    """
+
+    value: float
+    low: float
+    high: float
+
+    def __neg__(self) -> Interval:
+        return Interval(-self.value, -self.high, -self.low)
+
+    def __format__(self, spec: str) -> str:
+        """``.3f rad``: value with its unit, then the ends, each by the format of a number."""
+        number, _, unit = spec.partition(" ")
+        value, low, high = (format(x, number) for x in self)
+        return f"{value}{unit and ' '}{unit} [{low}, {high}]"
+
+
+def seeds_of(name: str, runs: Mapping, several: bool = True) -> list:
     """The finished runs of a row, one a seed, or that of seed 0 alone."""
     seeds = SEEDS.get(name, (0,)) if several else (0,)
     names = [seeded_name(name, seed) for seed in seeds]
     return [runs[n] for n in names if n in runs]
 
 
-def bootstrap(
-    own: list[dict], measure: str, part=("splits", "test"), seed=0, draws=1000
-) -> np.ndarray:
+def bootstrap(runs: Sequence, measure: str, part="test", seed=0, draws=1000) -> np.ndarray:
     """A measure of a row, the mean over its seeds, for all models and for each draw of models.
 
     Parameters
     ----------
-    own : list of dict
-        Runs of the row, one a seed.
+    runs : sequence of Run
+        Of the row, one a seed.
     measure : str
         One of `MEASURES`.
-    part : (str, str)
-        ("splits", "test"), ("splits", "held-out") or ("conditions", name).
+    part : str
+        One of `Run.parts`: "test", "held-out", or the name of a condition.
     seed : int
         Of the draws. With the same seed, rows are drawn alike and may be subtracted.
 
@@ -68,98 +88,95 @@ def bootstrap(
         If the runs were measured on different models.
     """
     kind, root = MEASURES[measure]
-    parts = [run[part[0]][part[1]] for run in own]
-    if len({tuple(p["models"]) for p in parts}) != 1:
+    parts = [run.parts[part] for run in runs]
+    if len({tuple(p.models) for p in parts}) != 1:
         raise ValueError("runs measured on different models given; they cannot be compared")
-    sums = np.array([p["sums"][kind] for p in parts], float)  # (seeds, models, 3)
-    number = sums.shape[1]
-    times = seeded(seed).multinomial(number, np.full(number, 1 / number), whole("draws", draws, 1))
-    pooled = np.einsum("dm,smk->dsk", np.vstack([np.ones(number), times]), sums)
+    sums = np.array([p.sums[kind] for p in parts], float)  # (seeds, models, 3)
+    pooled = np.einsum("dm,smk->dsk", draws_of_models(sums.shape[1], draws, seed), sums)
     values = pooled[..., 2 if root else 1] / pooled[..., 0]
     return (np.sqrt(values) if root else values).mean(axis=1)
 
 
-def seed_variation(runs: dict[str, dict], measure: str) -> Spread:
+def seed_variation(runs: Mapping, measure: str) -> Spread:
     """How much a seed moves a measure of a method, in parts of it.
 
     Pooled over the rows of the method that have several seeds; methods without one are left out.
+
+    Parameters
+    ----------
+    runs : mapping of str to Run
+    measure : str
+        One of `MEASURES`.
     """
     squares, freedoms = {}, {}
     for name in SEEDS:
-        own = [run for run in seeds_of(name, runs) if _has(run, measure)]
-        values = [bootstrap([run], measure, draws=1)[0] for run in own]
-        if len(values) > 1 and np.mean(values) > 0:
-            method = _method(own)
-            square = np.sum((np.array(values) / np.mean(values) - 1) ** 2)
-            squares[method] = squares.get(method, 0.0) + square
-            freedoms[method] = freedoms.get(method, 0) + len(values) - 1
-    return {m: (math.sqrt(squares[m] / freedom), freedom) for m, freedom in freedoms.items()}
+        row = [run for run in seeds_of(name, runs) if _has(run, measure)]
+        values = np.array([bootstrap([run], measure, draws=1)[0] for run in row])
+        if len(values) > 1 and values.mean() > 0:
+            kind = row[0].kind
+            squares[kind] = squares.get(kind, 0) + np.sum((values / values.mean() - 1) ** 2)
+            freedoms[kind] = freedoms.get(kind, 0) + len(values) - 1
+    return {k: (math.sqrt(squares[k] / freedom), freedom) for k, freedom in freedoms.items()}
 
 
-def _method(own: list[dict]) -> str:
-    return own[0]["method"]["method"]
-
-
-def seed_error(rows: list[tuple[list[dict], float]], spread: Spread) -> tuple[float, float]:
+def seed_error(rows: Sequence[tuple[Sequence, float]], spread: Spread) -> tuple[float, float]:
     """Standard deviation that seeds give to a row, or to the difference of two; degrees of freedom.
 
     Where two methods meet, these are those of Welch and Satterthwaite.
 
     Parameters
     ----------
-    rows : list of (runs, value)
+    rows : sequence of (runs, value)
         The runs of each row, one a seed, and the mean of the measure.
     spread : dict
-        From `seed_spread`.
+        From `seed_variation`.
     """
     weights = {}
-    for own, value in rows:
-        weights[_method(own)] = weights.get(_method(own), 0.0) + value**2 / len(own)
-    parts = [
-        (spread[m][0] ** 2 * weight, spread[m][1]) for m, weight in weights.items() if m in spread
-    ]
+    for runs, value in rows:
+        weights[runs[0].kind] = weights.get(runs[0].kind, 0.0) + value**2 / len(runs)
+    parts = [(spread[k][0] ** 2 * w, spread[k][1]) for k, w in weights.items() if k in spread]
     total = sum(square for square, _ in parts)
     if total == 0:
         return 0.0, 0.0
     return math.sqrt(total), total**2 / sum(square**2 / freedom for square, freedom in parts)
 
 
-def interval(values: np.ndarray, moved: float, freedom: float) -> Interval:
+def interval(values: np.ndarray, by_seeds: float, freedom: float) -> Interval:
     """Value and 95 % interval, from its draws of models and from how far seeds move it.
 
     Parameters
     ----------
     values : (draws + 1,) array
-        From `drawn`, or a difference of two.
-    moved : float
+        From `bootstrap`, or a difference of two.
+    by_seeds : float
         Standard deviation that seeds give it.
     freedom : float
-        Degrees of freedom behind `moved`; 0 if nothing is known about seeds.
+        Degrees of freedom behind `by_seeds`; 0 if nothing is known about seeds.
     """
-    by_seeds = student.ppf(0.975, freedom) * moved if freedom else 0.0
-    half = math.hypot(1.96 * values[1:].std(), by_seeds)
-    return float(values[0]), float(values[0] - half), float(values[0] + half)
+    moved = student.ppf(0.975, freedom) * by_seeds if freedom else 0.0
+    half = math.hypot(1.96 * values[1:].std(), moved)
+    return Interval(float(values[0]), float(values[0] - half), float(values[0] + half))
 
 
-def measures_of(own: list[dict], spreads: dict, part=("splits", "test")) -> dict:
-    """Each of `MEASURES` that a row has, value and interval; `seed_spread` of each is given."""
-    found = {}
+def measures_of(runs: Sequence, spreads: Mapping[str, Spread], part="test") -> dict[str, Interval]:
+    """Each of `MEASURES` that a row has; `seed_variation` of each is given."""
+    intervals = {}
     for measure in MEASURES:
-        if _has(own[0], measure):
-            values = bootstrap(own, measure, part)
-            moved = seed_error([(own, values[0])], spreads[measure])
-            found[measure] = interval(values, *moved)
-    return found
+        if _has(runs[0], measure):
+            values = bootstrap(runs, measure, part)
+            moved = seed_error([(runs, values[0])], spreads[measure])
+            intervals[measure] = interval(values, *moved)
+    return intervals
 
 
-def _has(run: dict, measure: str) -> bool:
-    return MEASURES[measure][0] in run["splits"]["test"]["sums"]
+def _has(run, measure: str) -> bool:
+    return MEASURES[measure][0] in run.parts["test"].sums
 
 
 def difference(
-    a: list[dict], b: list[dict], spreads: dict, measure="mae_rad", part=("splits", "test")
-):
-    """A measure of one row above that of another, value and interval."""
-    one, other = (bootstrap(own, measure, part) for own in (a, b))
+    a: Sequence, b: Sequence, spreads: Mapping[str, Spread], measure="mae_rad", part="test"
+) -> Interval:
+    """A measure of the runs of one row above that of another."""
+    one, other = (bootstrap(runs, measure, part) for runs in (a, b))
     moved = seed_error([(a, one[0]), (b, other[0])], spreads[measure])
     return interval(one - other, *moved)

@@ -1,13 +1,12 @@
-"""Tables 3 to 6: the paper's values beside ours, from the files of `results` (chapters 10, 11)."""
+"""Tables 3 to 6: the paper's values beside ours, from the files of the runs (chapters 10, 11)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 
 from scipy.stats import kendalltau
 
-from fpputil.experiments.paper import PAPER
 from fpputil.experiments.registry import ROWS
 from fpputil.experiments.statistics import (
     MEASURES,
@@ -17,6 +16,49 @@ from fpputil.experiments.statistics import (
     seed_variation,
     seeds_of,
 )
+from fpputil.notebook import Table
+
+PAPER = {
+    3: {
+        "SFNet": (0.0527, 0.6543, 0.0790, 1.2359),
+        "SIDO": (0.3610, 1.2945, 1.6966, 5.5933),
+        "PSNet": (0.0754, 0.6759, 0.1600, 1.8549),
+        "DLALNet": (0.0908, 1.3113, 0.1438, 1.8469),
+    },
+    4: {
+        "A": (0.0744, 0.8241, 0.1589, 1.8864),
+        "B": (0.0546, 0.6722, 0.0865, 1.2899),
+        "C": (0.0527, 0.6543, 0.0790, 1.2359),
+    },
+    5: {
+        "1 + 1": (0.0527, 0.6543, 0.0790, 1.2359),
+        "2 + 2": (0.0482, 0.5581, 0.0571, 1.1621),
+        "3 + 3": (0.0441, 0.5446, 0.0477, 1.1042),
+    },
+    6: {
+        "1e-1, 1e-5": (0.0541, 0.6707, 0.0797, 1.2594),
+        "1e-1, 1e-6": (0.0524, 0.6546, 0.0799, 1.3225),
+        "1e-1, 1e-7": (0.0552, 0.6841, 0.0811, 1.3368),
+        "1e-2, 1e-5": (0.0562, 0.7082, 0.0832, 1.2875),
+        "1e-2, 1e-6": (0.0527, 0.6543, 0.0790, 1.2359),
+        "1e-2, 1e-7": (0.0508, 0.6557, 0.0801, 1.2567),
+        "1e-3, 1e-5": (0.0562, 0.6976, 0.0808, 1.2580),
+        "1e-3, 1e-6": (0.0547, 0.6723, 0.0829, 1.2834),
+        "1e-3, 1e-7": (0.0598, 0.7004, 0.0851, 1.2927),
+    },
+    "ours": {},
+}
+"""MAE and RMSE in rad, MAE and RMSE in mm, as printed in the paper."""
+
+COLUMNS = {
+    "mae_rad": ("MAE, rad", 1, 4),
+    "rmse_rad": ("RMSE, rad", 1, 3),
+    "mae_mm": ("MAE, mm", 1, 2),
+    "rmse_mm": ("RMSE, mm", 1, 1),
+    "order_errors": ("orders, %", 100, 2),
+    "spikes": ("spikes, %", 100, 2),
+}
+"""Title of each measure that is printed, what it is multiplied with, decimals."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +72,8 @@ class Row:
     seeds : int
         How many runs it is the mean of.
     measures : dict
-        Of each of `MEASURES` that it has, value and interval.
-    difference : (value, low, high) or None
+        Each of `MEASURES` that it has.
+    difference : Interval or None
         MAE in radians above that of the row of SFNet.
     paper : tuple or None
         What the paper prints.
@@ -44,17 +86,21 @@ class Row:
     difference: Interval | None
     paper: tuple[float, ...] | None
 
+    @property
+    def line(self) -> str:
+        """Our values of what the paper prints, in one line."""
+        return ", ".join(_cells(self.measures)[:4])
 
-def table(number: int | str, runs: dict[str, dict], seeded: dict | None = None) -> list[Row]:
+
+def table(number: int | str, runs: Mapping, seeded: Mapping | None = None) -> list[Row]:
     """Rows of a table whose runs are finished; Tables 3 and 4 over all seeds, the others seed 0.
 
     Parameters
     ----------
     number : int or str
         3 to 6, or "ours".
-    runs : dict
-        From `read_results`.
-    seeded : dict, optional
+    runs : mapping of str to Run
+    seeded : mapping, optional
         Runs of another preset, from whose seeds to tell how far a seed moves a measure; by
         default from those of `runs`.
 
@@ -69,81 +115,57 @@ def table(number: int | str, runs: dict[str, dict], seeded: dict | None = None) 
     reference = seeds_of("sfnet", runs, several)
     spreads = {measure: seed_variation(seeded or runs, measure) for measure in MEASURES}
     for label, name in ROWS[number].items():
-        if not (own := seeds_of(name, runs, several)):
-            continue
-        above = difference(own, reference, spreads) if reference and name != "sfnet" else None
-        found = measures_of(own, spreads)
-        rows.append(Row(label, name, len(own), found, above, PAPER[number].get(label)))
+        if row := seeds_of(name, runs, several):
+            apart = difference(row, reference, spreads) if reference and name != "sfnet" else None
+            paper = PAPER[number].get(label)
+            rows.append(Row(label, name, len(row), measures_of(row, spreads), apart, paper))
     return rows
 
 
-COLUMNS = {
-    "mae_rad": ("MAE, rad", 1, 4),
-    "rmse_rad": ("RMSE, rad", 1, 3),
-    "mae_mm": ("MAE, mm", 1, 2),
-    "rmse_mm": ("RMSE, mm", 1, 1),
-    "order_errors": ("orders, %", 100, 2),
-    "spikes": ("spikes, %", 100, 2),
-}
-"""Title of each measure that is printed, what it is multiplied with, decimals."""
-
-
-def as_text(rows: list[Row], control: dict[str, Interval] | None = None) -> str:
-    """A table in columns: ours with half its interval, the paper's values below, row by row.
+def as_table(rows: Sequence[Row], control: Mapping | None = None) -> Table:
+    """Ours with half its interval, the paper's values below, row by row.
 
     Parameters
     ----------
-    rows : list of Row
-    control : dict, optional
-        Measures of phi_h of SFNet alone, as ``run["splits"]["test"]["alone"]`` has them.
+    rows : sequence of Row
+    control : mapping, optional
+        Measures of phi_h of SFNet alone, as ``run.alone.measures`` has them.
     """
-    first = max(14, *(len(row.label) for row in rows))
-    lines = [[f"{'seeds':>{first + 3}}", *(title for title, *_ in COLUMNS.values())]]
+    lines = []
     for row in rows:
-        lines.append([f"{row.label:{first}}{row.seeds:3}", *_cells(row.measures)])
+        lines.append([row.label, str(row.seeds), *_cells(row.measures)])
         if row.paper:
-            lines.append(["  in the paper", *(f"{x:.4f}" for x in row.paper)])
+            lines.append(["  in the paper", "", *(f"{x:.4f}" for x in row.paper), "", ""])
     if control:
-        lines.append(["phi_h alone", *_cells(control)])
-    widths = [max(map(len, column)) for column in zip_longest(*lines, fillvalue="")]
-    padded = (map(str.ljust, line, widths) for line in lines)
-    return "\n".join(" ".join(line).rstrip() for line in padded)
+        lines.append(["phi_h alone", "", *_cells(control)])
+    return Table(["", "seeds", *(title for title, *_ in COLUMNS.values())], lines)
 
 
-def _cells(measures: dict[str, Interval]) -> list[str]:
+def _cells(measures: Mapping) -> list[str]:
     return [_plus_minus(measures[key], *how) for key, (_, *how) in COLUMNS.items()]
 
 
-def _plus_minus(found: Interval, scale: float, decimals: int) -> str:
-    if None in found:
+def _plus_minus(measure: Sequence, scale: float, decimals: int) -> str:
+    if None in measure:
         return "-"
-    value, low, high = (scale * x for x in found)
+    value, low, high = (scale * x for x in measure)
     if value >= 1:  # four digits are enough
         decimals = max(0, min(decimals, 4 - len(f"{value:.0f}")))
     return f"{value:.{decimals}f}±{(high - low) / 2:.{decimals}f}"
 
 
-def as_line(name: str, rows: list[Row]) -> str:
-    """What the paper prints of a row, ours, in one line; or that its run is not made yet."""
-    found = [row.measures for row in rows if row.name == name]
-    return ", ".join(cell for m in found for cell in _cells(m)[:4]) or "not made yet"
-
-
-def differences_as_text(rows: list[Row]) -> str:
+def differences_table(rows: Sequence[Row]) -> Table:
     """By how much the MAE of each row lies above SFNet's, with its interval, row by row."""
-    if not any(row.difference for row in rows):
-        return "no MAE above or below SFNet's: SFNet is not made yet, or nothing beside it"
-    lines = ["MAE above that of SFNet, rad"]
+    lines = []
     for row in rows:
         if row.difference:
-            value, low, high = row.difference
-            apart = "" if low * high > 0 else "   not told apart"
-            lines.append(f"  {row.label:24} {value:+.4f} [{low:+.4f}, {high:+.4f}]{apart}")
-    return "\n".join(lines)
+            told = "" if row.difference.low * row.difference.high > 0 else "not told apart"
+            lines.append([row.label, f"{row.difference:+.4f}", told])
+    return Table(["", "MAE above that of SFNet, rad", ""], lines)
 
 
-def agreement(rows: list[Row]) -> tuple[float, float]:
+def agreement(rows: Sequence[Row]) -> tuple[float, float]:
     """Kendall's tau of the paper's MAE and ours over rows, and its p-value."""
     pairs = [(row.paper[0], row.measures["mae_rad"][0]) for row in rows if row.paper]
-    found = kendalltau(*zip(*pairs, strict=True))
-    return float(found.statistic), float(found.pvalue)
+    tau = kendalltau(*zip(*pairs, strict=True))
+    return float(tau.statistic), float(tau.pvalue)
