@@ -98,7 +98,9 @@ ARROWS = {  # each package imports from those below it alone
     "dataset": ("capture", "checks", "decoding", "files", "optics"),
     "networks": ("checks", "decoding", "optics"),
     "learning": (*("checks", "dataset", "decoding", "files", "networks", "optics", "plotting"),),
-    "experiments": (*("checks", "dataset", "decoding", "files", "learning", "networks", "optics"),),
+    "experiments": (
+        *("checks", "dataset", "decoding", "files", "learning", "networks", "notebook", "optics"),
+    ),
 }
 WITHOUT_TORCH = (
     "checks",

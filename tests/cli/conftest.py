@@ -1,5 +1,7 @@
 """The command in this process, and a dataset and weights to try it on."""
 
+from contextlib import contextmanager
+
 import pytest
 
 from fpputil.cli import main
@@ -35,8 +37,8 @@ def refused(fpp):
     return run
 
 
-@pytest.fixture(scope="session")
-def quick():
+@contextmanager
+def _quick():
     """One thread; no drawing, which takes longer than a small epoch."""
     import torch
     from matplotlib.figure import Figure
@@ -47,6 +49,13 @@ def quick():
         patched.setattr(Figure, "savefig", lambda self, file, **_: file.write(b"no picture"))
         yield
     torch.set_num_threads(before)
+
+
+@pytest.fixture
+def quick():
+    """One thread and no drawing in a test."""
+    with _quick():
+        yield
 
 
 SMALL = (
@@ -77,9 +86,10 @@ def data(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def weights(data, quick, tmp_path_factory):
+def weights(data, tmp_path_factory):
     """What `fpp train` leaves behind."""
     out = tmp_path_factory.mktemp("run")
     words = ["train", "sfnet", "--data", str(data), "--out", str(out), *map(str, SMALL)]
-    assert main(words) == 0
+    with _quick():
+        assert main(words) == 0
     return out / "weights.safetensors"

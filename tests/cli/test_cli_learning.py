@@ -11,7 +11,6 @@ from safetensors.torch import load_file, save_file
 
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.learning import evaluation
-from fpputil.learning.checkpoint import read_about
 from fpputil.learning.log import read_log
 from fpputil.learning.weights import load_weights, read_metrics
 
@@ -39,8 +38,8 @@ def test_every_option_of_train_arrives(train, tmp_path):
         --reference mid --gain 0.5 2 --gamma 0.9 1.1 --dropout 0.25 --mixing none --target phase
         --phase 2 --consistency 0.5 --geometric 0.25 --modulo --mean --l1"""
     assert train(tmp_path / "run", *options.split())[0] == 0
-    about = read_about(tmp_path / "run/checkpoint.safetensors")
-    settings, method = about["settings"], about["method"]
+    written = json.loads((tmp_path / "run/config.json").read_text())
+    settings, method = written["config"], written["method"]
     wanted = {"learning_rate": 0.002, "schedule": "plateau", "weight_decay": 0.5}
     wanted |= {"max_grad_norm": 2, "early_stopping": 7, "plateau_patience": 3}
     wanted |= {"training_views": 3, "batch": 3, "seed": 11, "epochs": 1, "validation_views": 2}

@@ -39,7 +39,7 @@ def test_wrong_usage_is_two(words, said, refused):
     [
         ("--models 0", "models 0 given"),
         ("--preset huge", "preset 'huge' given; the presets are tiny, small, paper"),
-        ("--folder nowhere", "nowhere does not exist"),
+        ("--folder nowhere", "a folder of mesh files is needed"),
         ("--folder . --held-out 2", "only models from seeds have families"),
         ("--cache x", "--cache or --download given"),
         ("--models 3 --views 99", "99 views given"),
