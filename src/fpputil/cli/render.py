@@ -111,9 +111,9 @@ def render(
     from fpputil.capture.virtual import photograph_into, save_truth
     from fpputil.files import folder_whole
     from fpputil.optics import shapes
-    from fpputil.optics.meshes import load_mesh
     from fpputil.optics.parts import part as machine_part
     from fpputil.optics.raycasting import raycast
+    from fpputil.optics.shapes import load_mesh
     from fpputil.optics.system import load_system
 
     shown, rig = Patterns.load(patterns), load_system(system)
