@@ -21,7 +21,8 @@ import trimesh
 
 from benchmarks import captures, cycles, loading, networks, rivals
 from benchmarks.timing import median_seconds
-from fpputil.decoding.decoder import BLOCK, decode
+from fpputil.decoding.decoder import decode
+from fpputil.decoding.kernel import BLOCK
 from fpputil.files import write_whole
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycasting import raycast
