@@ -27,8 +27,7 @@ EPILOG = (
     "stopped by Ctrl-C or SIGTERM"
 )
 WRITERS = ("patterns", "render", "decode", "calibrate", "predict")
-GO_ON = {
-    **dict.fromkeys(WRITERS, "nothing was written"),
+GO_ON = dict.fromkeys(WRITERS, "nothing was written") | {
     "train": "the same command with --resume goes on from here",
     "evaluate": "no numbers were kept",
 }

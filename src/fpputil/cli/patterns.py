@@ -3,42 +3,26 @@
 from __future__ import annotations
 
 import json as jsons
-from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from fpputil.cli.options import FRINGES, Fringes, Size
+from fpputil.cli.options import FRINGES, Force, Fringes, Json, Out, Size, option
 
 
 def patterns(
-    out: Path,
+    out: Out,
     /,
     *,
-    projector: Size = (912, 1140),
+    projector: Annotated[Size, option("Pixels.")] = (912, 1140),
     fringes: Fringes = FRINGES,
-    plain: Annotated[bool, Parameter(negative="--no-plain")] = True,
-    force: bool = False,
-    json: bool = False,
+    plain: Annotated[bool, option("White and black, too.", negative="--no-plain")] = True,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Write the pictures to project.
 
     Writes a PNG for each pattern, numbered in the order in which to show them, and patterns.toml.
     Photograph each, keep the photographs under the same names in a folder beside a copy of
     patterns.toml, and `fpp decode` that folder.
-
-    Parameters
-    ----------
-    out
-        New folder.
-    projector
-        Pixels.
-    plain
-        A white and a black picture, too.
-    force
-        Replace OUT.
-    json
-        Print one JSON object.
     """
     import cv2
 

@@ -6,6 +6,9 @@ import io
 import json as jsons
 import sys
 from pathlib import Path
+from typing import Annotated
+
+from fpputil.cli.options import Device, Force, Json, Out, Precision, System, Weights, option
 
 FILES = ("predicted.npz", "points.ply", "predicted.png")
 ARRAYS = ("Phi", "column", "depth", "phi_h", "phi_r", "mask")
@@ -13,16 +16,16 @@ OUTSIDE = 0.05  # of the pixels with fringes may lie outside the measuring range
 
 
 def predict(
-    photo: list[Path],
+    photo: Annotated[list[Path], option("Photographs.")],
     /,
     *,
-    weights: Path,
-    system: str,
-    out: Path,
-    device: str = "cpu",
-    precision: str = "auto",
-    json: bool = False,
-    force: bool = False,
+    weights: Weights,
+    system: System,
+    out: Out,
+    device: Device = "cpu",
+    precision: Precision = "auto",
+    json: Json = False,
+    force: Force = False,
 ) -> None:
     """Depth from photographs by a trained network.
 
@@ -38,25 +41,6 @@ def predict(
     narrower than 1.25 periods are taken in, and rims are uncertain by half a period. A network
     answers everywhere, right or wrong, and does not say how sure it is: what is unlike its
     training is warned of, and the exit code stays 0.
-
-    Parameters
-    ----------
-    photo
-        Photographs.
-    weights
-        A .safetensors file.
-    system
-        tiny, small, paper, or a system file.
-    out
-        New folder.
-    device
-        cpu, cuda ...
-    precision
-        float32, bfloat16 or auto.
-    json
-        Print the numbers as a JSON object.
-    force
-        Replace an earlier prediction.
     """
     import numpy as np
 
@@ -76,28 +60,22 @@ def predict(
         result = prediction.predict(trained, shots, device, precision)
         inside = np.isfinite(result.points).all(axis=-1)
         depths = np.percentile(result.depth[inside], [0, 50, 100]).tolist()
-        numbers = {
-            "pixels": result.mask.size,
-            "mask": int(result.mask.sum()),
-            "points": int(inside.sum()),
-            "depth_mm": dict(zip(("least", "median", "greatest"), depths, strict=True)),
-        }
-        if (outside := 1 - numbers["points"] / numbers["mask"]) > OUTSIDE:
-            warnings += _warn(
-                [
-                    f"{outside:.0%} of the pixels with fringes have no depth of {rig.z_min:g} to "
-                    f"{rig.z_max:g} mm; fringe orders may be wrong, here and elsewhere"
-                ]
-            )
+        pixels, mask, points = result.mask.size, int(result.mask.sum()), int(inside.sum())
+        if (outside := 1 - points / mask) > OUTSIDE:
+            lost = f"{outside:.0%} of the pixels with fringes have no depth of {rig.z_min:g} to"
+            reason = "fringe orders may be wrong, here and elsewhere"
+            warnings += _warn([f"{lost} {rig.z_max:g} mm; {reason}"])
         write_arrays(folder / FILES[0], {name: getattr(result, name) for name in ARRAYS})
         grey = np.rint(shots.frames[0].clip(0, 255)).astype(np.uint8)
         colours = np.repeat(grey[inside][:, None], 3, axis=1)
         save_ply(folder / FILES[1], point_cloud(result.points), colours)
         write_whole(folder / FILES[2], _picture(shots.frames, result))
     if json:
+        numbers = {"pixels": pixels, "mask": mask, "points": points}
+        numbers["depth_mm"] = dict(zip(("least", "median", "greatest"), depths, strict=True))
         print(jsons.dumps(numbers | {"out": str(out), "warnings": warnings}, indent=1))
         return
-    print(f"fringes in {numbers['mask']} of {numbers['pixels']} pixels, {numbers['points']} points")
+    print(f"fringes in {mask} of {pixels} pixels, {points} points")
     print("depth {0:.1f} to {2:.1f} mm, median {1:.1f}".format(*depths))
     print(f"written to {out}: {', '.join(FILES)}")
 

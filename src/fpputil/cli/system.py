@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import json as jsons
 from pathlib import Path
+from typing import Annotated
 
 from cyclopts import App
 
+from fpputil.cli.options import Force, Json, System, free, option
+
+New = Annotated[Path, option("New.")]
 app = App("system", help_format="markdown", help="Show or convert a camera and its projector.")
 
 
 @app.command
-def show(system: str, /, *, json: bool = False) -> None:
+def show(system: System, /, *, json: Json = False) -> None:
     """Sizes, poses, measuring range, and how many columns a millimetre of depth is.
 
     Lengths in millimetres, angles in degrees, the rest in pixels. Seen from the camera: x right,
     y down, z forward; yaw turns to the right, pitch up, roll clockwise.
-
-    Parameters
-    ----------
-    system
-        tiny, small, paper, or a file: .json, .yml, .yaml.
-    json
-        The same as one JSON object.
     """
     from fpputil.optics.system import load_system
 
@@ -38,19 +35,8 @@ def show(system: str, /, *, json: bool = False) -> None:
 
 
 @app.command
-def convert(system: str, file: Path, /, *, force: bool = False) -> None:
-    """Write it as .json, or as .yml for OpenCV.
-
-    Parameters
-    ----------
-    system
-        tiny, small, paper, or a file: .json, .yml, .yaml.
-    file
-        New.
-    force
-        Replace a file that is there.
-    """
-    from fpputil.cli.options import free
+def convert(system: System, file: New, /, *, force: Force = False) -> None:
+    """Write it as .json, or as .yml for OpenCV."""
     from fpputil.optics.system import load_system
 
     rig = load_system(system)
@@ -82,9 +68,9 @@ def describe(system) -> dict:
     left, right, top, bottom = camera.rays(middles) @ camera.R.T
     width, height = right[0] - left[0], bottom[1] - top[1]
     columns = system.columns_per_mm(sum(depths) / 2)
-    places = {"centre": columns[h // 2, w // 2], "top left": columns[0, 0]}
-    places |= {"top right": columns[0, -1], "bottom left": columns[-1, 0]}
-    places |= {"bottom right": columns[-1, -1]}
+    corners = {"top left": (0, 0), "top right": (0, -1), "bottom left": (-1, 0)}
+    places = {"centre": (h // 2, w // 2), **corners, "bottom right": (-1, -1)}
+    there = {name: columns[place] for name, place in places.items()}
     lit = columns[np.isfinite(columns)]
     few = float(np.mean(lit < LEAST_SENSITIVITY)) if lit.size else None
     return {
@@ -102,7 +88,7 @@ def describe(system) -> dict:
         "field_of_view_mm": {f"{z:g}": [float(z * width), float(z * height)] for z in depths},
         "columns_per_mm": {
             "depth_mm": sum(depths) / 2,
-            **{name: float(c) if np.isfinite(c) else None for name, c in places.items()},
+            **{name: float(c) if np.isfinite(c) else None for name, c in there.items()},
             "too_few": LEAST_SENSITIVITY,
             "share_of_too_few": few,
         },
