@@ -16,7 +16,7 @@ def calibrate(
     /,
     *,
     board: Annotated[Size, option("Points across and down, as 11x8.")],
-    reach: Annotated[tuple[float, float], option("Near and far, mm.", name="--range")],
+    reach: Annotated[tuple[float, float], option("Measured, near and far, mm.", name="--range")],
     square: Square = 25.0,
     kind: Kind = "chessboard",
     patterns: Annotated[Path | None, option("Of all poses (default: one in each folder).")] = None,

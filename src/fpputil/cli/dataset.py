@@ -23,7 +23,7 @@ def generate(
     /,
     *,
     preset: Preset = "tiny",
-    models: Annotated[int | None, option("Default: 500 from seeds, all of a folder.")] = None,
+    models: Annotated[int | None, option("How many (default 500, all of a folder).")] = None,
     held_out: Annotated[
         int | None, option("From seeds, of families no other split has (default a tenth more).")
     ] = None,
@@ -52,7 +52,7 @@ def generate(
         raise ValueError("--held-out given; only models from seeds have families to hold out")
     if not thingi10k and (cache or download):
         raise ValueError("--cache or --download given; they are for --thingi10k")
-    chosen, held, root, notes = (), (), folder, ()
+    held, root, notes = (), folder, ()
     if folder:
         chosen, notes = mesh_folder(folder, models)
     elif thingi10k:
@@ -72,11 +72,9 @@ def check(path: Folder, /) -> int:
     """Find flipped bytes and missing shards."""
     from fpputil.dataset.store import check_files, open_store
 
-    wrong = check_files(path)
-    for line in wrong:
-        print(line)
-    if wrong:
-        print("The command that made the dataset makes damaged and missing files anew.")
+    if wrong := check_files(path):
+        anew = "The command that made the dataset makes damaged and missing files anew."
+        print(*wrong, anew, sep="\n")
         return 1
     print(f"every byte is as it was written, content {open_store(path).checksum}")
     return 0

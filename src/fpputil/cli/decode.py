@@ -41,11 +41,11 @@ def decode(
     out: Annotated[Path | None, option("New folder (default FOLDER-decoded).")] = None,
     system: Annotated[str | None, option("For millimetres: tiny, small, paper or a file.")] = None,
     gamma: Annotated[
-        str, option("Of the response, taken back; auto: if a pitch of few steps needs it.")
+        str, option("Exponent of the response, taken back; auto: where a pitch has under 5 steps.")
     ] = "auto",
     threshold: Annotated[float, option("Least modulation, grey levels of 255.")] = 8.0,
     noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
-    full: Annotated[float | None, option("Of a saturated pixel (default 255 or 65535).")] = None,
+    full: Annotated[float | None, option("Saturated grey level (default 255 or 65535).")] = None,
     accept: Annotated[bool, option("Write phases all the same.")] = False,
     report: Annotated[bool, option("Write report.html.", **YES)] = True,
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
@@ -96,10 +96,8 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
         options = given(names)
         return fringes.patterns(options.pop("projector"), **options)
     if beside := given(replace(fringes, shift=None)):
-        raise ValueError(
-            f"--{next(iter(beside))} without --files given; a pattern file tells it, or --files "
-            "and all the others do"
-        )
+        reason = "a pattern file tells it, or --files and all the others do"
+        raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
     patterns = of_folder(folder) if names.patterns is None else Patterns.load(names.patterns)
     return patterns if fringes.shift is None else replace(patterns, shift=fringes.shift)
 
@@ -107,10 +105,8 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
 def _print(decoded, system) -> None:
     summary = decoded.summary
     for axis, numbers in summary["numbers"].items():
-        print(
-            f"{axis}s: {numbers['pixels in the mask']} in the mask, uncertainty "
-            f"{numbers['uncertainty of the phase, median']} (median)"
-        )
+        sigma = f"uncertainty {numbers['uncertainty of the phase, median']} (median)"
+        print(f"{axis}s: {numbers['pixels in the mask']} in the mask, {sigma}")
     for finding in decoded.findings:
         kind = "error" if finding.severe else "note"
         print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)

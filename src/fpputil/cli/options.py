@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,9 +65,8 @@ class Fringes:
         side, unwrap = max(projector), self.unwrap or "mf"
         if self.pitches is None and unwrap not in ("mf", "minimum"):
             raise ValueError(f"unwrap {unwrap!r} without --pitches given; name them")
-        pitches = [
-            int(p) if p == int(p) else p for p in self.pitches or (side, side / 8, side / 48)
-        ]
+        pitches = self.pitches or [side, side / 8, side / 48]
+        pitches = [int(p) if p == int(p) else p for p in pitches]
         axes = ("column", "row") if self.axis == "both" else (self.axis or "column",)
         steps = self.steps if len(self.steps or ()) > 1 else (self.steps or [8])[0]
         fringes = sum((fringe_set(pitches, steps, axis=axis) for axis in axes), ())
@@ -88,9 +88,7 @@ class Training:
     """With what to train."""
 
     workers: Workers = 1
-    device: Annotated[
-        str | None, option("cpu, cuda, cuda:1 ... (default: a GPU if there is one).")
-    ] = None
+    device: Annotated[str | None, option("cpu, cuda, cuda:1 ... (default: a GPU, if any).")] = None
     threads: Annotated[int | None, option("Of the processor (default: all).")] = None
 
     def begin(self) -> dict:
@@ -102,6 +100,11 @@ class Training:
 
 
 TRAINING = Training()
+
+
+def tell(as_json: bool, numbers: dict, *lines: str) -> None:
+    """Print numbers as one JSON object, or lines for people."""
+    print(json.dumps(numbers) if as_json else "\n".join(lines))
 
 
 def given(options) -> dict:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json as jsons
 from typing import Annotated
 
-from fpputil.cli.options import FRINGES, Force, Fringes, Json, Out, Size, option
+from fpputil.cli.options import FRINGES, Force, Fringes, Json, Out, Size, option, tell
 
 
 def patterns(
@@ -37,9 +36,6 @@ def patterns(
             _, data = cv2.imencode(".png", chosen.picture(shot))
             write_whole(folder / shot.file, data.tobytes())
         chosen.save(folder / NAME)
-    if json:
-        print(jsons.dumps({"folder": str(out), "files": [s.file for s in shots]}))
-    else:
-        width, height = projector
-        print(f"{len(shots)} pictures of {width} x {height} and {NAME} in {out}")
-        print(f"to be shown in the order of their names, {shots[0].file} first")
+    made = {"folder": str(out), "files": [shot.file for shot in shots]}
+    pictures = f"{len(shots)} pictures of {projector[0]} x {projector[1]} and {NAME} in {out}"
+    tell(json, made, pictures, f"to be shown in the order of their names, {shots[0].file} first")

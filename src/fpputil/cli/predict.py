@@ -30,11 +30,10 @@ def predict(
     """Depth from photographs by a trained network.
 
     Photographs in the order in which the network wants them: of SFNet that of the high pitch, then
-    that of its reference's (wrong numbers of photographs are answered by what is wanted). PNG,
-    BMP, TIFF and NPY; colours become grey, 16 bits are divided by 257, floats count as grey levels
-    0 to 255. Writes predicted.npz (Phi, column, depth, phi_h, phi_r: float32, NaN outside mask),
-    points.ply (points within the measuring range, in the first photograph's grey) and
-    predicted.png.
+    that of its reference's (a wrong number is answered by what is wanted). PNG, BMP, TIFF, NPY;
+    colours become grey, 16 bits are divided by 257, floats count as grey levels 0 to 255. Writes
+    predicted.npz (Phi, column, depth, phi_h, phi_r: float32, NaN outside mask), points.ply (within
+    the measuring range, in the first photograph's grey) and predicted.png.
 
     The mask is a guess: so few photographs do not tell what is lit. It takes pixels around which
     crests and troughs of the photographs differ by more than 16 grey levels of 255. Shadows
@@ -62,9 +61,9 @@ def predict(
         depths = np.percentile(result.depth[inside], [0, 50, 100]).tolist()
         pixels, mask, points = result.mask.size, int(result.mask.sum()), int(inside.sum())
         if (outside := 1 - points / mask) > OUTSIDE:
-            lost = f"{outside:.0%} of the pixels with fringes have no depth of {rig.z_min:g} to"
-            reason = "fringe orders may be wrong, here and elsewhere"
-            warnings += _warn([f"{lost} {rig.z_max:g} mm; {reason}"])
+            reach = f"{rig.z_min:g} to {rig.z_max:g} mm; fringe orders may be wrong"
+            lost = f"{outside:.0%} of the pixels with fringes have no depth of {reach}"
+            warnings += _warn([f"{lost}, here and elsewhere"])
         write_arrays(folder / FILES[0], {name: getattr(result, name) for name in ARRAYS})
         grey = np.rint(shots.frames[0].clip(0, 255)).astype(np.uint8)
         colours = np.repeat(grey[inside][:, None], 3, axis=1)
@@ -82,12 +81,10 @@ def predict(
 
 def _levels(path: Path):
     """A photograph in float32 grey levels of 255; floats are that already."""
-    import numpy as np
-
     from fpputil.capture.photographs import read_photograph
 
     image = read_photograph(path)
-    return image.astype(np.float32) / (257 if image.dtype == np.uint16 else 1)
+    return image.astype("float32") / (257 if image.dtype == "uint16" else 1)
 
 
 def _warn(sentences: list[str]) -> list[str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json as jsons
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Group
 
-from fpputil.cli.options import Force, Json, Kind, Out, Size, Square, System, option
+from fpputil.cli.options import Force, Json, Kind, Out, Size, Square, System, option, tell
 
 SEEDS = 100_000  # between the noise of one scene and that of the next
 PIXELS = 40  # of the picture of a board, to a square
@@ -37,7 +36,7 @@ def render(
         Size | None,
         option("A board of so many points across and down, a folder a pose.", group=BODY),
     ] = None,
-    size: Annotated[float | None, option("Of mesh or part: diameter of its ball, mm.")] = None,
+    size: Annotated[float | None, option("Scale mesh or part to this diameter, mm.")] = None,
     distance: Annotated[float, option("Of its middle from the camera, mm.")] = 660.0,
     turn: Annotated[tuple[float, float], option("About the paper's y and z, degrees.")] = (0, 0),
     square: Square = 25.0,
@@ -93,10 +92,8 @@ def render(
             save_truth(scene / "truth.npz", view)
         rig.save(folder / "system.json")
     scenes, photographs = number + 1, len(shown.shots()) * (number + 1)
-    if json:
-        print(jsons.dumps({"folder": str(out), "scenes": scenes, "photographs": photographs}))
-    else:
-        print(f"{photographs} photographs of {scenes} scene(s) in {out}")
+    counts = {"folder": str(out), "scenes": scenes, "photographs": photographs}
+    tell(json, counts, f"{photographs} photographs of {scenes} scene(s) in {out}")
 
 
 def _boards(board, poses: int, seed: int, rig):

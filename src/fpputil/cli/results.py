@@ -37,8 +37,9 @@ def list_(*, preset: Preset = "tiny", results: Results = RESULTS) -> None:
             about = f", about {work[name] / measured / 60:.0f} min" if measured else ""
             print(f"{name:24} to be made{about}")
     if work and measured:
-        hours = f"{sum(work.values()) / measured / 3600:.1f} hours of training in all"
-        print(f"{hours}, at the speed of the finished runs of this preset or, if none is, of tiny")
+        hours = sum(work.values()) / measured / 3600
+        speed = "the speed of the runs that are finished on this preset or, if none is, on tiny"
+        print(f"{hours:.1f} hours of training in all, at {speed}")
 
 
 @app.command

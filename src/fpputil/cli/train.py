@@ -96,12 +96,9 @@ def train(
     augmentation = replace(config.augmentation, **given(camera))
     config = replace(config, **given(settings), augmentation=augmentation)
     chosen = _changed(plain, method, given(network), given(losses))
-    made = open_store(data).manifest["settings"]["preset"]
-    if made not in (preset, "imported"):
-        raise ValueError(
-            f"{data} was made with the preset {made}, and {preset} is given; name the preset of "
-            "the dataset"
-        )
+    if (made := open_store(data).manifest["settings"]["preset"]) not in (preset, "imported"):
+        name = f"{preset} is given; name the preset of the dataset"
+        raise ValueError(f"{data} was made with the preset {made}, and {name}")
     processes = how.begin() | {"start": start and load_weights(start)}
     _, history = fit(chosen, data, config, out, resume=resume, **processes)
     if int(os.environ.get("RANK", 0)):  # the first of several processes speaks for all
@@ -121,9 +118,8 @@ def _changed(method, name: str, network: dict, losses: dict):
     known = {f.name for f in fields(method)}
     of_losses = ["weights of losses"] if losses and "weights" not in known else []
     if wrong := [key for key in (*network, *of_losses) if key not in known]:
-        raise ValueError(
-            f"{wrong[0]} given for {name}; its settings are {', '.join(sorted(known))}"
-        )
+        settings = ", ".join(sorted(known))
+        raise ValueError(f"{wrong[0]} given for {name}; its settings are {settings}")
     if "modulo" in losses:
         losses["order"] = not losses.pop("modulo")
     if losses:
