@@ -37,8 +37,11 @@ LAST = Parameter(negative=(), allow_repeating=True)  # of an option given twice 
 HOW = {"help_format": "plaintext", "version_flags": (), "default_parameter": LAST}
 
 app = App("fpp", help=__doc__, help_epilogue=EPILOG, **HOW)
-for module in (patterns, render, decode, calibrate, train, evaluate, predict):
-    app.command(getattr(module, module.__name__.split(".")[-1]), help_format="markdown")
+for command in (
+    *(patterns.patterns, render.render, decode.decode, calibrate.calibrate),
+    *(train.train, evaluate.evaluate, predict.predict),
+):
+    app.command(command, help_format="markdown")
 for group in (system.app, dataset.app, results.app):
     app.command(group)
 
