@@ -27,21 +27,16 @@ EPILOG = (
     "stopped by Ctrl-C or SIGTERM"
 )
 WRITERS = ("patterns", "render", "decode", "calibrate", "predict")
-GO_ON = {
-    **dict.fromkeys(WRITERS, "nothing was written"),
+GO_ON = dict.fromkeys(WRITERS, "nothing was written") | {
     "train": "the same command with --resume goes on from here",
     "evaluate": "no numbers were kept",
 }
 EXTRA = ("torch", "zarr", "numcodecs", "filelock", "safetensors")
 
-app = App(
-    "fpp",
-    help=__doc__,
-    help_epilogue=EPILOG,
-    help_format="plaintext",
-    version_flags=(),
-    default_parameter=Parameter(negative=(), allow_repeating=True),  # the last one counts
-)
+LAST = Parameter(negative=(), allow_repeating=True)  # of an option given twice the last one counts
+HOW = {"help_format": "plaintext", "version_flags": (), "default_parameter": LAST}
+
+app = App("fpp", help=__doc__, help_epilogue=EPILOG, **HOW)
 for command in (
     *(patterns.patterns, render.render, decode.decode, calibrate.calibrate),
     *(train.train, evaluate.evaluate, predict.predict),
@@ -59,10 +54,11 @@ def main(argv: list[str] | None = None) -> int:
     try:
         command, bound, _ = app.parse_args(argv, exit_on_error=False, print_error=False)
         if command == app.help_print and not {"--help", "-h"} & set(argv):
-            _wrong_usage(f"a command is needed; fpp {' '.join([*argv, '--help'])} lists them")
+            lists = f"fpp {' '.join([*argv, '--help'])} lists them"
+            raise SystemExit(_failed(f"a command is needed; {lists}", 2))
         return command(*bound.args, **bound.kwargs) or 0
     except CycloptsError as error:
-        _wrong_usage(error)
+        raise SystemExit(_failed(error, 2)) from None
     except KeyboardInterrupt:
         print(f"\nstopped; {go_on}", file=sys.stderr)
         return 130
@@ -72,21 +68,14 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         return _failed(f"{error}; what is finished stays, {go_on}" if full else error)
-    except ModuleNotFoundError as error:
-        if error.name not in EXTRA:
-            return _failed(error)
-        return _failed(f"{error.name} is needed and not here: pip install 'fpputil[learning]'")
     except (ValueError, RuntimeError, ImportError, FloatingPointError) as error:
-        return _failed(error)
+        lacks = isinstance(error, ModuleNotFoundError) and error.name in EXTRA
+        needed = "is needed and not here: pip install 'fpputil[learning]'"
+        return _failed(f"{error.name} {needed}" if lacks else error)
     finally:
         signal.signal(signal.SIGTERM, before)
 
 
-def _failed(what) -> int:
+def _failed(what, code: int = 1) -> int:
     print(f"fpp: {what}", file=sys.stderr)
-    return 1
-
-
-def _wrong_usage(what) -> None:
-    print(f"fpp: {what}", file=sys.stderr)
-    raise SystemExit(2)
+    return code

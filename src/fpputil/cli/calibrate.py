@@ -7,58 +7,29 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from fpputil.cli.options import Size, free
-
-Reach = Annotated[tuple[float, float], Parameter(name="--range")]
+from fpputil.cli.options import Force, Json, Kind, Size, Square, free, option
 
 
 def calibrate(
-    folder: Path,
-    system: Path,
+    folder: Annotated[Path, option("Of the poses.")],
+    system: Annotated[Path, option("A .json or .yml file, new.")],
     /,
     *,
-    board: Size,
-    reach: Reach,
-    square: float = 25.0,
-    kind: str = "chessboard",
-    patterns: Path | None = None,
-    lens: int = 4,
-    projector_lens: int = 4,
-    force: bool = False,
-    json: bool = False,
+    board: Annotated[Size, option("Points across and down, as 11x8.")],
+    reach: Annotated[tuple[float, float], option("Measured, near and far, mm.", name="--range")],
+    square: Square = 25.0,
+    kind: Kind = "chessboard",
+    patterns: Annotated[Path | None, option("Of all poses (default: one in each folder).")] = None,
+    lens: Annotated[int, option("Camera's distortion: 0, 1, 2, 4 or 5 of k1 k2 p1 p2 k3.")] = 4,
+    projector_lens: Annotated[int, option("Likewise.")] = 4,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Calibrate a camera and a projector.
 
     FOLDER holds a folder for each pose of the board, ten or more, tilted by 25 to 40 degrees in
     all directions, out to the picture's edges; in each the photographs of fringes along columns
     and rows (`fpp patterns --axis both`).
-
-    Parameters
-    ----------
-    folder
-        Of the poses.
-    system
-        A .json or .yml file, new.
-    board
-        Points across and down, as 11x8.
-    reach
-        Measuring range of the system, near and far, mm.
-    square
-        Distance of the board's points, mm.
-    kind
-        Of the board: chessboard (its points are inner corners), charuco or circles.
-    patterns
-        Pattern file of all poses (default: one in each folder).
-    lens
-        Distortion of the camera: 0, 1, 2, 4 or 5 of k1 k2 p1 p2 k3.
-    projector_lens
-        Likewise.
-    force
-        Replace SYSTEM.
-    json
-        Print one JSON object.
     """
     from fpputil.calibration.board import Board
     from fpputil.calibration.zhang import calibrate

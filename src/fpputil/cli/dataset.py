@@ -6,65 +6,43 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Group, Parameter
+from cyclopts import App, Group
 from cyclopts.validators import MutuallyExclusive
 
+from fpputil.cli.options import Preset, option
+
 app = App("dataset", help_format="markdown", help="Make, check, show, export or import a dataset.")
-Source = Parameter(group=Group("Models from files", validator=MutuallyExclusive()))
+SOURCE = Group("Models from files", validator=MutuallyExclusive())
+Folder = Annotated[Path, option("Folder of the dataset.")]
+Processes = Annotated[int, option("Processes.")]
 
 
 @app.command
 def generate(
-    out: Path,
+    out: Folder,
     /,
     *,
-    preset: str = "tiny",
-    models: int | None = None,
-    held_out: int | None = None,
-    views: int = 36,
-    workers: int = 1,
-    seed: int = 0,
-    size: float = 240.0,
-    folder: Annotated[Path | None, Source] = None,
-    thingi10k: Annotated[bool, Source] = False,
-    cache: Path | None = None,
-    download: bool = False,
-    scheduler: str | None = None,
+    preset: Preset = "tiny",
+    models: Annotated[int | None, option("How many (default 500, all of a folder).")] = None,
+    held_out: Annotated[
+        int | None, option("From seeds, of families no other split has (default a tenth more).")
+    ] = None,
+    views: Annotated[int, option("Poses of each model.")] = 36,
+    workers: Processes = 1,
+    seed: Annotated[int, option("Of models, splits, poses.")] = 0,
+    size: Annotated[float, option("mm, the ball every model is scaled to.")] = 240.0,
+    folder: Annotated[Path | None, option("Mesh files below this folder.", group=SOURCE)] = None,
+    thingi10k: Annotated[bool, option("Meshes of Thingi10K.", group=SOURCE)] = False,
+    cache: Annotated[Path | None, option("Where Thingi10K lies, or goes to.")] = None,
+    download: Annotated[bool, option("Download Thingi10K if need be.")] = False,
+    scheduler: Annotated[
+        str | None, option("Of Dask, tcp://HOST:PORT; its workers see OUT under the same path.")
+    ] = None,
 ) -> None:
     """Make a dataset, or go on with one that was stopped.
 
     Models come from seeds unless a folder or Thingi10K is named. Stopped at any moment, the same
     command goes on and ends with the same bytes.
-
-    Parameters
-    ----------
-    out
-        Folder of the dataset.
-    preset
-        tiny, small or paper.
-    models
-        How many (default 500 from seeds, all of a folder).
-    held_out
-        Models of families that no other split has (default a tenth more; only from seeds).
-    views
-        Poses of each model.
-    workers
-        Processes.
-    seed
-        Of models, splits, poses.
-    size
-        mm, the ball every model is scaled to.
-    folder
-        Mesh files below this folder.
-    thingi10k
-        Meshes of Thingi10K.
-    cache
-        Where Thingi10K lies, or goes to.
-    download
-        Download Thingi10K if need be.
-    scheduler
-        Work on the Dask cluster of this scheduler, tcp://HOST:PORT; its workers must see OUT under
-        the same path.
     """
     from fpputil.dataset.generation import generate
     from fpputil.dataset.models import mesh_folder, seeded_models
@@ -74,7 +52,7 @@ def generate(
         raise ValueError("--held-out given; only models from seeds have families to hold out")
     if not thingi10k and (cache or download):
         raise ValueError("--cache or --download given; they are for --thingi10k")
-    chosen, held, root, notes = (), (), folder, ()
+    held, root, notes = (), folder, ()
     if folder:
         chosen, notes = mesh_folder(folder, models)
     elif thingi10k:
@@ -85,83 +63,59 @@ def generate(
         print(f"note: {note}")
     start, how = time.perf_counter(), {"seed": seed, "size": size, "progress": True}
     how |= {"views": views, "workers": workers, "scheduler": scheduler, "root": root}
-    manifest = generate(out, preset, chosen, held, **how)
-    _print(manifest)
+    _print(generate(out, preset, chosen, held, **how))
     print(f"{time.perf_counter() - start:.0f} s")
 
 
 @app.command
-def check(path: Path, /) -> int:
-    """Find flipped bytes and missing shards.
-
-    Parameters
-    ----------
-    path
-        Folder of the dataset.
-    """
+def check(path: Folder, /) -> int:
+    """Find flipped bytes and missing shards."""
     from fpputil.dataset.store import check_files, open_store
 
-    wrong = check_files(path)
-    for line in wrong:
-        print(line)
-    if wrong:
-        print("The command that made the dataset makes damaged and missing files anew.")
+    if wrong := check_files(path):
+        anew = "The command that made the dataset makes damaged and missing files anew."
+        print(*wrong, anew, sep="\n")
         return 1
     print(f"every byte is as it was written, content {open_store(path).checksum}")
     return 0
 
 
 @app.command
-def info(path: Path, /) -> None:
-    """Say what a dataset holds.
-
-    Parameters
-    ----------
-    path
-        Folder of the dataset.
-    """
+def info(path: Folder, /) -> None:
+    """Say what a dataset holds."""
     from fpputil.dataset.store import open_store
 
     _print(open_store(path).manifest)
 
 
 @app.command
-def export(path: Path, folder: Path, /, *, split: str | None = None, noise: float = 0.0) -> None:
-    """Write photographs as PNG files, a folder a scene.
-
-    Parameters
-    ----------
-    path
-        Folder of the dataset.
-    folder
-        New or empty.
-    split
-        This split alone: training, validation, test, held-out.
-    noise
-        Read noise, grey levels.
-    """
+def export(
+    path: Folder,
+    folder: Annotated[Path, option("New or empty.")],
+    /,
+    *,
+    split: Annotated[str | None, option("training, validation, test or held-out alone.")] = None,
+    noise: Annotated[float, option("Read noise, grey levels.")] = 0.0,
+) -> None:
+    """Write photographs as PNG files, a folder a scene."""
     from fpputil.dataset.folders import export_folder
 
     print(f"{export_folder(path, folder, split, noise)} scenes in {folder}")
 
 
 @app.command(name="import")
-def import_(folder: Path, out: Path, /, *, seed: int = 0, workers: int = 1) -> None:
+def import_(
+    folder: Annotated[Path, option("Of the scenes.")],
+    out: Folder,
+    /,
+    *,
+    seed: Annotated[int, option("Of the splits.")] = 0,
+    workers: Processes = 1,
+) -> None:
     """Make a dataset out of folders of PNG files.
 
     FOLDER holds scenes.json (system, pitches, steps) and a folder a scene with high_00.png ...,
     mid_00.png ..., zmin_00.png ..., unit_00.png ... as export writes them.
-
-    Parameters
-    ----------
-    folder
-        Of the scenes.
-    out
-        Folder of the dataset.
-    seed
-        Of the splits.
-    workers
-        Processes.
     """
     from fpputil.dataset.folders import import_folder
 

@@ -10,61 +10,47 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from fpputil.cli.options import FRINGES, Fringes, Size, given
+from fpputil.cli.options import FRINGES, Force, Fringes, Json, Size, given, option
 
-Yes = Parameter(negative_bool="no-", negative=None)
+YES = {"negative_bool": "no-", "negative": None}
 
 
 @Parameter(name="*", group="Photographs, if FOLDER holds no patterns.toml")
 @dataclass(frozen=True)
 class Files:
-    """What was projected, and how the photographs are named.
+    """What was projected, and how the photographs are named."""
 
-    Parameters
-    ----------
-    patterns
-        A pattern file elsewhere.
-    files
-        Names of the photographs, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.
-    projector
-        Pixels.
-    first
-        Number of the first step in a name.
-    order
-        Which comes first.
-    white
-        Photograph in plain light.
-    black
-        Photograph in no light.
-    """
-
-    patterns: Path | None = None
-    files: str | None = None
-    projector: Size = (912, 1140)
-    first: int = 0
-    order: Literal["fringe", "step"] = "fringe"
-    white: str = ""
-    black: str = ""
+    patterns: Annotated[Path | None, option("A pattern file elsewhere.")] = None
+    files: Annotated[
+        str | None, option("Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.")
+    ] = None
+    projector: Annotated[Size, option("Pixels.")] = (912, 1140)
+    first: Annotated[int, option("Number of the first step in a name.")] = 0
+    order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
+    white: Annotated[str, option("Photograph in plain light.")] = ""
+    black: Annotated[str, option("Photograph in no light.")] = ""
 
 
 FILES = Files()
 
 
 def decode(
-    folder: Path,
+    folder: Annotated[Path, option("Of the photographs.")],
     /,
     *,
-    out: Path | None = None,
-    system: str | None = None,
-    gamma: str = "auto",
-    threshold: float = 8.0,
-    noise: float | None = None,
-    full: float | None = None,
-    accept: bool = False,
-    report: Annotated[bool, Yes] = True,
-    pictures: Annotated[bool, Yes] = True,
-    force: bool = False,
-    json: bool = False,
+    out: Annotated[Path | None, option("New folder (default FOLDER-decoded).")] = None,
+    system: Annotated[str | None, option("For millimetres: tiny, small, paper or a file.")] = None,
+    gamma: Annotated[
+        str, option("Exponent of the response, taken back; auto: where a pitch has under 5 steps.")
+    ] = "auto",
+    threshold: Annotated[float, option("Least modulation, grey levels of 255.")] = 8.0,
+    noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
+    full: Annotated[float | None, option("Saturated grey level (default 255 or 65535).")] = None,
+    accept: Annotated[bool, option("Write phases all the same.")] = False,
+    report: Annotated[bool, option("Write report.html.", **YES)] = True,
+    pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
+    force: Force = False,
+    json: Json = False,
     names: Files = FILES,
     fringes: Fringes = FRINGES,
 ) -> int:
@@ -74,34 +60,6 @@ def decode(
     the depth. If the capture is wrong in a way that would give wrong phases (direction of the
     shift, swapped or missing photographs, a saturated projector ...), only report and summary are
     written, and the exit code is 1.
-
-    Parameters
-    ----------
-    folder
-        Of the photographs.
-    out
-        New folder (default FOLDER-decoded).
-    system
-        A calibrated system, for millimetres: tiny, small, paper or a file.
-    gamma
-        Exponent of the response, which is taken back; auto: where some pitch has fewer than five
-        steps and another one tells it.
-    threshold
-        Least modulation, grey levels of 255.
-    noise
-        Grey levels of 255 (default: estimated).
-    full
-        Grey level of a saturated pixel (default 255 or 65535).
-    accept
-        Write phases all the same.
-    report
-        Write report.html.
-    pictures
-        Write TIFF files.
-    force
-        Replace OUT.
-    json
-        Print summary.json.
     """
     from fpputil.capture.folder import decode_folder
     from fpputil.checks import positive
@@ -110,15 +68,9 @@ def decode(
     exponent = None if gamma == "auto" else positive("gamma", _number(gamma))
     rig = None if system is None else load_system(system)
     patterns = _patterns(folder, names, fringes)
-    how = {
-        "full": full,
-        "threshold": threshold,
-        "gamma": exponent,
-        "noise": noise,
-        "accept": accept,
-    }
-    how |= {"report": report, "pictures": pictures, "force": force, "progress": not json}
-    decoded = decode_folder(folder, out, rig, patterns=patterns, **how)
+    how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
+    how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
+    decoded = decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
         print(jsons.dumps(decoded.summary))
     else:
@@ -144,10 +96,8 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
         options = given(names)
         return fringes.patterns(options.pop("projector"), **options)
     if beside := given(replace(fringes, shift=None)):
-        raise ValueError(
-            f"--{next(iter(beside))} without --files given; a pattern file tells it, or --files "
-            "and all the others do"
-        )
+        reason = "a pattern file tells it, or --files and all the others do"
+        raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
     patterns = of_folder(folder) if names.patterns is None else Patterns.load(names.patterns)
     return patterns if fringes.shift is None else replace(patterns, shift=fringes.shift)
 
@@ -155,10 +105,8 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
 def _print(decoded, system) -> None:
     summary = decoded.summary
     for axis, numbers in summary["numbers"].items():
-        print(
-            f"{axis}s: {numbers['pixels in the mask']} in the mask, uncertainty "
-            f"{numbers['uncertainty of the phase, median']} (median)"
-        )
+        sigma = f"uncertainty {numbers['uncertainty of the phase, median']} (median)"
+        print(f"{axis}s: {numbers['pixels in the mask']} in the mask, {sigma}")
     for finding in decoded.findings:
         kind = "error" if finding.severe else "note"
         print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)

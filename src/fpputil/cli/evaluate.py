@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from fpputil.cli.options import Data, Device, Precision, Weights, Workers, option
 
 ROWS = (
     ("MAE", "mae_rad", "rad", 1),
@@ -22,62 +25,29 @@ ROWS = (
 
 
 def evaluate(
-    weights: Path,
+    weights: Weights,
     /,
     *,
-    data: Path,
-    split: str = "test",
-    views: int | None = None,
-    noise: float = 0.0,
-    gain: float = 1.0,
-    gamma: float = 1.0,
-    texture: float = 0.0,
-    seed: int = 0,
-    workers: int = 1,
-    device: str = "cpu",
-    precision: str = "float32",
-    save: Path | None = None,
-    view: int = 0,
-    json: bool = False,
+    data: Data,
+    split: Annotated[str, option("training, validation, test or held-out.")] = "test",
+    views: Annotated[int | None, option("So many, evenly spread (default: all).")] = None,
+    noise: Annotated[float, option("Read noise, grey levels.")] = 0.0,
+    gain: Annotated[float, option("Exposure.")] = 1.0,
+    gamma: Annotated[float, option("Camera response.")] = 1.0,
+    texture: Annotated[float, option("Contrast of dark blotches.")] = 0.0,
+    seed: Annotated[int, option("Of noise and intervals.")] = 0,
+    workers: Workers = 1,
+    device: Device = "cpu",
+    precision: Precision = "float32",
+    save: Annotated[Path | None, option("Write one view as points into this .ply file.")] = None,
+    view: Annotated[int, option("Which, counted in the split.")] = 0,
+    json: Annotated[bool, option("Keep the numbers in a .json file beside WEIGHTS.")] = False,
 ) -> None:
     """Measure a trained network.
 
     Errors over a split with 95 % intervals (bootstrap over models), beside the control of one
     photograph: the same phi_h, without phi_r, with the minimum phase at the high pitch.
     Millimetres count only where a projector column moves by more than 0.1 pixel a mm.
-
-    Parameters
-    ----------
-    weights
-        A .safetensors file.
-    data
-        The dataset.
-    split
-        training, validation, test or held-out.
-    views
-        So many, evenly spread (default: all).
-    noise
-        Read noise, grey levels.
-    gain
-        Exposure.
-    gamma
-        Camera response.
-    texture
-        Contrast of dark blotches.
-    seed
-        Of noise and intervals.
-    workers
-        Processes that load.
-    device
-        cpu, cuda ...
-    precision
-        float32, bfloat16 or auto.
-    save
-        Write one view as points into this .ply file.
-    view
-        Which, counted in the split.
-    json
-        Keep the numbers in a .json file beside WEIGHTS.
     """
     from fpputil.dataset.augmentation import Augmentation
     from fpputil.learning import evaluation
@@ -92,7 +62,7 @@ def evaluate(
     augmentation = Augmentation(**{name: (value, value) for name, value in camera.items()})
     opened = evaluation.open_split(trained, data, split, augmentation, seed, texture)
     how = {"device": device, "precision": precision}
-    if save is not None:
+    if save:
         if not 0 <= view < len(opened):
             raise ValueError(f"view {view} given; the split has views 0 to {len(opened) - 1}")
         item, prediction = next(evaluation.predictions(trained, opened, views=[view], **how))
@@ -109,16 +79,9 @@ def evaluate(
         print(f"{name + ', ' + unit:32}{cells[0]:>34}{cells[1]:>34}")
     if json:
         where = device_of(device)
-        numbers = {
-            "data": opened.store.name,
-            "views": len(which),
-            "camera": camera,
-            "seed": seed,
-            "precision": precision_of(precision, where),
-            "hardware": hardware(where),
-            "two photographs": both,
-            "one photograph": alone,
-        }
+        numbers = {"data": opened.store.name, "views": len(which), "camera": camera, "seed": seed}
+        numbers |= {"precision": precision_of(precision, where), "hardware": hardware(where)}
+        numbers |= {"two photographs": both, "one photograph": alone}
         print(f"kept in {write_metrics(weights, trained, split, numbers)}")
 
 

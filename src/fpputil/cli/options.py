@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
+
+
+def option(text: str, **how) -> Parameter:
+    """An option of which the help says a text; `how` are others of `Parameter`."""
+    return Parameter(help=text, **how)
 
 
 def _size(type_, tokens) -> tuple[int, int]:
@@ -17,42 +23,41 @@ def _size(type_, tokens) -> tuple[int, int]:
     return int(numbers[1]), int(numbers[2])
 
 
+SEVERAL = {"consume_multiple": True}  # values after one option
 Size = Annotated[tuple[int, int], Parameter(converter=_size, n_tokens=1, metavar="WxH")]
-"""A size as "912x1140"."""
-
-Several = Parameter(consume_multiple=True)
-"""One or more values after one option."""
+Out = Annotated[Path, option("New folder.")]
+Force = Annotated[bool, option("Replace what is there.")]
+Json = Annotated[bool, option("Print one JSON object.")]
+System = Annotated[str, option("tiny, small, paper, or a file: .json, .yml, .yaml.")]
+Square = Annotated[float, option("Distance of the board's points, mm.")]
+Kind = Annotated[str, option("Of the board: chessboard (inner corners), charuco or circles.")]
+Data = Annotated[Path, option("The dataset.")]
+Preset = Annotated[str, option("tiny, small or paper.")]
+Weights = Annotated[Path, option("A .safetensors file.")]
+Workers = Annotated[int, option("Processes that load.")]
+Device = Annotated[str, option("cpu, cuda ...")]
+Precision = Annotated[str, option("float32, bfloat16 or auto.")]
 
 
 @Parameter(name="*", group="Fringes")
 @dataclass(frozen=True)
 class Fringes:
-    """Which fringes there are.
+    """Which fringes there are."""
 
-    Parameters
-    ----------
-    pitches
-        Projector pixels a period, in the order of unwrapping (default for mf: the longer side, an
-        eighth and a forty-eighth of it).
-    steps
-        Of all pitches, or of each (default 8).
-    axis
-        Fringes along columns (vertical, default), rows, or both, which calibration needs.
-    unwrap
-        mf (default), mw, nt or minimum.
-    shift
-        Sign of the phase shift (default 1).
-    """
-
-    pitches: Annotated[list[float] | None, Several] = None
-    steps: Annotated[list[int] | None, Several] = None
-    axis: Literal["column", "row", "both"] | None = None
-    unwrap: str | None = None
-    shift: Literal[1, -1] | None = None
+    pitches: Annotated[
+        list[float] | None,
+        option("Pixels a period, in order (default of mf: longer side, / 8, / 48).", **SEVERAL),
+    ] = None
+    steps: Annotated[list[int] | None, option("Of all, or of each (default 8).", **SEVERAL)] = None
+    axis: Annotated[
+        Literal["column", "row", "both"] | None,
+        option("Fringes along columns (vertical, default), rows, or both, as calibration needs."),
+    ] = None
+    unwrap: Annotated[str | None, option("mf (default), mw, nt or minimum.")] = None
+    shift: Annotated[Literal[1, -1] | None, option("Sign of the phase shift (default 1).")] = None
 
     def patterns(self, projector: tuple[int, int], **names):
-        """`Patterns` of these fringes for a projector (width, height), refused if they do not
-        unwrap."""
+        """`Patterns` for a projector (width, height), refused if they do not unwrap."""
         from fpputil.capture.measurement import unwrapper
         from fpputil.capture.patterns import Patterns
         from fpputil.optics.fringes import fringe_set
@@ -63,16 +68,14 @@ class Fringes:
         pitches = self.pitches or [side, side / 8, side / 48]
         pitches = [int(p) if p == int(p) else p for p in pitches]
         axes = ("column", "row") if self.axis == "both" else (self.axis or "column",)
-        steps = self.steps or [8]
-        steps = steps[0] if len(steps) == 1 else steps
+        steps = self.steps if len(self.steps or ()) > 1 else (self.steps or [8])[0]
         fringes = sum((fringe_set(pitches, steps, axis=axis) for axis in axes), ())
         patterns = Patterns(projector, fringes, unwrap, self.shift or 1, **names)
-        if unwrap != "minimum":  # whose pitches the system decides on
-            for axis in axes:
-                try:
-                    unwrapper(patterns, axis)
-                except ValueError as error:
-                    raise ValueError(f"fringes along {axis}s: {error}") from error
+        for axis in () if unwrap == "minimum" else axes:  # whose pitches the system decides on
+            try:
+                unwrapper(patterns, axis)
+            except ValueError as error:
+                raise ValueError(f"fringes along {axis}s: {error}") from error
         return patterns
 
 
@@ -82,21 +85,11 @@ FRINGES = Fringes()
 @Parameter(name="*", group="Processes")
 @dataclass(frozen=True)
 class Training:
-    """With what to train.
+    """With what to train."""
 
-    Parameters
-    ----------
-    workers
-        Processes that load.
-    device
-        cpu, cuda, cuda:1 ... (default: a GPU if there is one).
-    threads
-        Of the processor (default: all).
-    """
-
-    workers: int = 1
-    device: str | None = None
-    threads: int | None = None
+    workers: Workers = 1
+    device: Annotated[str | None, option("cpu, cuda, cuda:1 ... (default: a GPU, if any).")] = None
+    threads: Annotated[int | None, option("Of the processor (default: all).")] = None
 
     def begin(self) -> dict:
         """Use so many threads; returns options of `fit`."""
@@ -107,6 +100,11 @@ class Training:
 
 
 TRAINING = Training()
+
+
+def tell(as_json: bool, numbers: dict, *lines: str) -> None:
+    """Print numbers as one JSON object, or lines for people."""
+    print(json.dumps(numbers) if as_json else "\n".join(lines))
 
 
 def given(options) -> dict:

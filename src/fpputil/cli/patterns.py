@@ -2,43 +2,26 @@
 
 from __future__ import annotations
 
-import json as jsons
-from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from fpputil.cli.options import FRINGES, Fringes, Size
+from fpputil.cli.options import FRINGES, Force, Fringes, Json, Out, Size, option, tell
 
 
 def patterns(
-    out: Path,
+    out: Out,
     /,
     *,
-    projector: Size = (912, 1140),
+    projector: Annotated[Size, option("Pixels.")] = (912, 1140),
     fringes: Fringes = FRINGES,
-    plain: Annotated[bool, Parameter(negative="--no-plain")] = True,
-    force: bool = False,
-    json: bool = False,
+    plain: Annotated[bool, option("White and black, too.", negative="--no-plain")] = True,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Write the pictures to project.
 
     Writes a PNG for each pattern, numbered in the order in which to show them, and patterns.toml.
     Photograph each, keep the photographs under the same names in a folder beside a copy of
     patterns.toml, and `fpp decode` that folder.
-
-    Parameters
-    ----------
-    out
-        New folder.
-    projector
-        Pixels.
-    plain
-        A white and a black picture, too.
-    force
-        Replace OUT.
-    json
-        Print one JSON object.
     """
     import cv2
 
@@ -53,9 +36,6 @@ def patterns(
             _, data = cv2.imencode(".png", chosen.picture(shot))
             write_whole(folder / shot.file, data.tobytes())
         chosen.save(folder / NAME)
-    if json:
-        print(jsons.dumps({"folder": str(out), "files": [s.file for s in shots]}))
-    else:
-        width, height = projector
-        print(f"{len(shots)} pictures of {width} x {height} and {NAME} in {out}")
-        print(f"to be shown in the order of their names, {shots[0].file} first")
+    made = {"folder": str(out), "files": [shot.file for shot in shots]}
+    pictures = f"{len(shots)} pictures of {projector[0]} x {projector[1]} and {NAME} in {out}"
+    tell(json, made, pictures, f"to be shown in the order of their names, {shots[0].file} first")

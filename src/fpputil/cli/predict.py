@@ -6,6 +6,9 @@ import io
 import json as jsons
 import sys
 from pathlib import Path
+from typing import Annotated
+
+from fpputil.cli.options import Device, Force, Json, Out, Precision, System, Weights, option
 
 FILES = ("predicted.npz", "points.ply", "predicted.png")
 ARRAYS = ("Phi", "column", "depth", "phi_h", "phi_r", "mask")
@@ -13,50 +16,30 @@ OUTSIDE = 0.05  # of the pixels with fringes may lie outside the measuring range
 
 
 def predict(
-    photo: list[Path],
+    photo: Annotated[list[Path], option("Photographs.")],
     /,
     *,
-    weights: Path,
-    system: str,
-    out: Path,
-    device: str = "cpu",
-    precision: str = "auto",
-    json: bool = False,
-    force: bool = False,
+    weights: Weights,
+    system: System,
+    out: Out,
+    device: Device = "cpu",
+    precision: Precision = "auto",
+    json: Json = False,
+    force: Force = False,
 ) -> None:
     """Depth from photographs by a trained network.
 
     Photographs in the order in which the network wants them: of SFNet that of the high pitch, then
-    that of its reference's (wrong numbers of photographs are answered by what is wanted). PNG,
-    BMP, TIFF and NPY; colours become grey, 16 bits are divided by 257, floats count as grey levels
-    0 to 255. Writes predicted.npz (Phi, column, depth, phi_h, phi_r: float32, NaN outside mask),
-    points.ply (points within the measuring range, in the first photograph's grey) and
-    predicted.png.
+    that of its reference's (a wrong number is answered by what is wanted). PNG, BMP, TIFF, NPY;
+    colours become grey, 16 bits are divided by 257, floats count as grey levels 0 to 255. Writes
+    predicted.npz (Phi, column, depth, phi_h, phi_r: float32, NaN outside mask), points.ply (within
+    the measuring range, in the first photograph's grey) and predicted.png.
 
     The mask is a guess: so few photographs do not tell what is lit. It takes pixels around which
     crests and troughs of the photographs differ by more than 16 grey levels of 255. Shadows
     narrower than 1.25 periods are taken in, and rims are uncertain by half a period. A network
     answers everywhere, right or wrong, and does not say how sure it is: what is unlike its
     training is warned of, and the exit code stays 0.
-
-    Parameters
-    ----------
-    photo
-        Photographs.
-    weights
-        A .safetensors file.
-    system
-        tiny, small, paper, or a system file.
-    out
-        New folder.
-    device
-        cpu, cuda ...
-    precision
-        float32, bfloat16 or auto.
-    json
-        Print the numbers as a JSON object.
-    force
-        Replace an earlier prediction.
     """
     import numpy as np
 
@@ -76,40 +59,32 @@ def predict(
         result = prediction.predict(trained, shots, device, precision)
         inside = np.isfinite(result.points).all(axis=-1)
         depths = np.percentile(result.depth[inside], [0, 50, 100]).tolist()
-        numbers = {
-            "pixels": result.mask.size,
-            "mask": int(result.mask.sum()),
-            "points": int(inside.sum()),
-            "depth_mm": dict(zip(("least", "median", "greatest"), depths, strict=True)),
-        }
-        if (outside := 1 - numbers["points"] / numbers["mask"]) > OUTSIDE:
-            warnings += _warn(
-                [
-                    f"{outside:.0%} of the pixels with fringes have no depth of {rig.z_min:g} to "
-                    f"{rig.z_max:g} mm; fringe orders may be wrong, here and elsewhere"
-                ]
-            )
+        pixels, mask, points = result.mask.size, int(result.mask.sum()), int(inside.sum())
+        if (outside := 1 - points / mask) > OUTSIDE:
+            reach = f"{rig.z_min:g} to {rig.z_max:g} mm; fringe orders may be wrong"
+            lost = f"{outside:.0%} of the pixels with fringes have no depth of {reach}"
+            warnings += _warn([f"{lost}, here and elsewhere"])
         write_arrays(folder / FILES[0], {name: getattr(result, name) for name in ARRAYS})
         grey = np.rint(shots.frames[0].clip(0, 255)).astype(np.uint8)
         colours = np.repeat(grey[inside][:, None], 3, axis=1)
         save_ply(folder / FILES[1], point_cloud(result.points), colours)
         write_whole(folder / FILES[2], _picture(shots.frames, result))
     if json:
+        numbers = {"pixels": pixels, "mask": mask, "points": points}
+        numbers["depth_mm"] = dict(zip(("least", "median", "greatest"), depths, strict=True))
         print(jsons.dumps(numbers | {"out": str(out), "warnings": warnings}, indent=1))
         return
-    print(f"fringes in {numbers['mask']} of {numbers['pixels']} pixels, {numbers['points']} points")
+    print(f"fringes in {mask} of {pixels} pixels, {points} points")
     print("depth {0:.1f} to {2:.1f} mm, median {1:.1f}".format(*depths))
     print(f"written to {out}: {', '.join(FILES)}")
 
 
 def _levels(path: Path):
     """A photograph in float32 grey levels of 255; floats are that already."""
-    import numpy as np
-
     from fpputil.capture.photographs import read_photograph
 
     image = read_photograph(path)
-    return image.astype(np.float32) / (257 if image.dtype == np.uint16 else 1)
+    return image.astype("float32") / (257 if image.dtype == "uint16" else 1)
 
 
 def _warn(sentences: list[str]) -> list[str]:

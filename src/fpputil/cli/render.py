@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json as jsons
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Group, Parameter
+from cyclopts import Group
 
-from fpputil.cli.options import Size
+from fpputil.cli.options import Force, Json, Kind, Out, Size, Square, System, option, tell
 
 SEEDS = 100_000  # between the noise of one scene and that of the next
 PIXELS = 40  # of the picture of a board, to a square
@@ -17,92 +16,46 @@ PIXELS = 40  # of the picture of a board, to a square
 def _one(bodies) -> None:
     named = [body.name for body in bodies if body.has_tokens]
     if len(named) != 1:
-        raise ValueError(
-            f"{' and '.join(named) or 'none'} given; one of {', '.join(b.name for b in bodies)} is "
-            "needed"
-        )
+        known = ", ".join(body.name for body in bodies)
+        raise ValueError(f"{' and '.join(named) or 'none'} given; one of {known} is needed")
 
 
-Body = Parameter(group=Group("Body, one of these", validator=_one))
+BODY = Group("Body, one of these", validator=_one)
 
 
 def render(
-    out: Path,
+    out: Out,
     /,
     *,
-    patterns: Path,
-    system: str = "paper",
-    mesh: Annotated[Path | None, Body] = None,
-    part: Annotated[int | None, Body] = None,
-    sphere: Annotated[float | None, Body] = None,
-    board: Annotated[Size | None, Body] = None,
-    size: float | None = None,
-    distance: float = 660.0,
-    turn: tuple[float, float] = (0.0, 0.0),
-    square: float = 25.0,
-    kind: str = "chessboard",
-    poses: int = 12,
-    noise: float = 1.0,
-    gain: float = 1.0,
-    ambient: float = 0.0,
-    gamma: float = 1.0,
-    projector_gamma: float = 1.0,
-    supersample: int = 2,
-    seed: int = 0,
-    force: bool = False,
-    json: bool = False,
+    patterns: Annotated[Path, option("patterns.toml of `fpp patterns`.")],
+    system: System = "paper",
+    mesh: Annotated[Path | None, option("STL, OBJ, PLY, OFF, GLB ...", group=BODY)] = None,
+    part: Annotated[int | None, option("A machine part from this seed.", group=BODY)] = None,
+    sphere: Annotated[float | None, option("A sphere of this radius, mm.", group=BODY)] = None,
+    board: Annotated[
+        Size | None,
+        option("A board of so many points across and down, a folder a pose.", group=BODY),
+    ] = None,
+    size: Annotated[float | None, option("Scale mesh or part to this diameter, mm.")] = None,
+    distance: Annotated[float, option("Of its middle from the camera, mm.")] = 660.0,
+    turn: Annotated[tuple[float, float], option("About the paper's y and z, degrees.")] = (0, 0),
+    square: Square = 25.0,
+    kind: Kind = "chessboard",
+    poses: Annotated[int, option("Of the board.")] = 12,
+    noise: Annotated[float, option("Grey levels.")] = 1.0,
+    gain: Annotated[float, option("Exposure.")] = 1.0,
+    ambient: Annotated[float, option("Other light, grey levels.")] = 0.0,
+    gamma: Annotated[float, option("The camera's response.")] = 1.0,
+    projector_gamma: Annotated[float, option("The projector's response.")] = 1.0,
+    supersample: Annotated[int, option("S x S rays a pixel.")] = 2,
+    seed: Annotated[int, option("Of noise and poses.")] = 0,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Photograph a mesh with the virtual system.
 
     What a camera would see of the patterns on a body, as PNG files that `fpp decode` reads, with
     system.json and truth.npz (column, row, depth, mask).
-
-    Parameters
-    ----------
-    out
-        New folder.
-    patterns
-        patterns.toml of `fpp patterns`.
-    system
-        tiny, small, paper or a system file.
-    mesh
-        STL, OBJ, PLY, OFF, GLB ...
-    part
-        A machine part from this seed.
-    sphere
-        A sphere of this radius, mm.
-    board
-        A calibration board of so many points across and down, one folder a pose.
-    size
-        Scale mesh or part to a ball of this diameter, mm.
-    distance
-        Of its middle from the camera, mm.
-    turn
-        Degrees about the paper's y and z axes.
-    square
-        Distance of the board's points, mm.
-    kind
-        Of the board: chessboard (its points are inner corners), charuco or circles.
-    poses
-        Of the board.
-    noise
-        Grey levels.
-    gain
-        Exposure.
-    ambient
-        Other light, grey levels.
-    gamma
-        The camera's response.
-    projector_gamma
-        The projector's response.
-    supersample
-        S x S rays a pixel.
-    seed
-        Of noise and poses.
-    force
-        Replace OUT.
-    json
-        Print one JSON object.
     """
     import numpy as np
 
@@ -113,7 +66,6 @@ def render(
     from fpputil.optics import shapes
     from fpputil.optics.parts import part as machine_part
     from fpputil.optics.raycasting import raycast
-    from fpputil.optics.shapes import load_mesh
     from fpputil.optics.system import load_system
 
     shown, rig = Patterns.load(patterns), load_system(system)
@@ -127,7 +79,7 @@ def render(
         elif sphere is not None:
             yield "", shapes.sphere(sphere, centre), 0.9
         else:
-            body = machine_part(part) if mesh is None else load_mesh(mesh)
+            body = machine_part(part) if mesh is None else shapes.load_mesh(mesh)
             yield "", shapes.place(body, size, centre, shapes.rotation(*turn)), 0.9
 
     with folder_whole(out, force) as folder:
@@ -135,16 +87,13 @@ def render(
             scene = folder / name
             scene.mkdir(exist_ok=True)
             view = raycast(body, rig, albedo=albedo, supersample=supersample)
-            other = seed + SEEDS * number
-            photograph_into(scene, view, shown, rig, other, projector_gamma, **camera)
+            noises = seed + SEEDS * number
+            photograph_into(scene, view, shown, rig, noises, projector_gamma, **camera)
             save_truth(scene / "truth.npz", view)
         rig.save(folder / "system.json")
-    scenes = number + 1
-    photographs = len(shown.shots()) * scenes
-    if json:
-        print(jsons.dumps({"folder": str(out), "scenes": scenes, "photographs": photographs}))
-    else:
-        print(f"{photographs} photographs of {scenes} scene(s) in {out}")
+    scenes, photographs = number + 1, len(shown.shots()) * (number + 1)
+    counts = {"folder": str(out), "scenes": scenes, "photographs": photographs}
+    tell(json, counts, f"{photographs} photographs of {scenes} scene(s) in {out}")
 
 
 def _boards(board, poses: int, seed: int, rig):

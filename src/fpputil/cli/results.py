@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 from cyclopts import App
 
-from fpputil.cli.options import TRAINING, Training
+from fpputil.cli.options import TRAINING, Data, Preset, Training, option
 
 app = App(
     "results",
@@ -17,19 +18,12 @@ app = App(
     repeated, one that was stopped goes on, and several processes may make runs side by side.""",
 )
 RESULTS = Path("data/results")
+Results = Annotated[Path, option("Folder of the results.")]
 
 
 @app.command(name="list")
-def list_(*, preset: str = "tiny", results: Path = RESULTS) -> None:
-    """The runs: which are finished, and what the others cost.
-
-    Parameters
-    ----------
-    preset
-        tiny, small or paper.
-    results
-        Folder of the results.
-    """
+def list_(*, preset: Preset = "tiny", results: Results = RESULTS) -> None:
+    """The runs: which are finished, and what the others cost."""
     from fpputil.experiments.registry import experiments
     from fpputil.experiments.runs import load, training_cost, training_speed
 
@@ -39,38 +33,25 @@ def list_(*, preset: str = "tiny", results: Path = RESULTS) -> None:
     for name in names:
         if run := runs.get(name):
             print(f"{name:24} MAE {run.test.mae:.4f} rad, {run.seconds / 60:.1f} min")
-        elif measured:
-            print(f"{name:24} to be made, about {work[name] / measured / 60:.0f} min")
         else:
-            print(f"{name:24} to be made")
+            about = f", about {work[name] / measured / 60:.0f} min" if measured else ""
+            print(f"{name:24} to be made{about}")
     if work and measured:
         hours = sum(work.values()) / measured / 3600
-        print(
-            f"{hours:.1f} hours of training in all, at the speed of the runs that are finished on "
-            "this preset or, if none is, on tiny"
-        )
+        speed = "the speed of the runs that are finished on this preset or, if none is, on tiny"
+        print(f"{hours:.1f} hours of training in all, at {speed}")
 
 
 @app.command
 def rates(
-    names: list[str] | None = None,
+    names: Annotated[list[str] | None, option("Of kinds of runs (default: all).")] = None,
     /,
     *,
-    data: Path = Path("sets/tiny"),
-    results: Path = RESULTS,
+    data: Data = Path("sets/tiny"),
+    results: Results = RESULTS,
     how: Training = TRAINING,
 ) -> None:
-    """Search the learning rate of each method, at tiny.
-
-    Parameters
-    ----------
-    names
-        Of kinds of runs (default: all).
-    data
-        The dataset.
-    results
-        Folder of the results.
-    """
+    """Search the learning rate of each method, at tiny."""
     from fpputil.experiments.learning_rate import search_learning_rate
 
     path = results / "tiny" / "rates.json"
@@ -80,71 +61,46 @@ def rates(
 
 @app.command
 def run(
-    names: list[str],
+    names: Annotated[list[str], option("Of runs, or all.")],
     /,
     *,
-    preset: str = "tiny",
-    data: Path | None = None,
-    work: Path = Path("runs"),
-    results: Path = RESULTS,
+    preset: Preset = "tiny",
+    data: Annotated[Path | None, option("The dataset (default sets/PRESET).")] = None,
+    work: Annotated[Path, option("Folder for runs under way.")] = Path("runs"),
+    results: Results = RESULTS,
     how: Training = TRAINING,
 ) -> int:
-    """Make runs.
-
-    Parameters
-    ----------
-    names
-        Of runs, or all.
-    preset
-        tiny, small or paper.
-    data
-        The dataset (default sets/PRESET).
-    work
-        Folder for runs under way.
-    results
-        Folder of the results.
-    """
+    """Make runs."""
     from fpputil.experiments import runs
     from fpputil.experiments.registry import experiments
 
     known, data = list(experiments(preset)), data or Path("sets") / preset
     if wrong := [name for name in names if name not in (*known, "all")]:
         raise ValueError(f"run {wrong[0]!r} given; the runs are all, {', '.join(known)}")
-    processes = how.begin()
-    elsewhere, failed = [], []
-
-    def make(name: str, wait: bool) -> None:
+    processes, failed = how.begin(), False
+    waiting = [(name, False) for name in (known if "all" in names else names)]
+    for name, wait in waiting:  # grows: what others make is waited for at the end
         try:
             made = runs.make_run(name, preset, data, work, results, wait, **processes)
+            print(f"{name:24} MAE {made.test.measures['mae_rad']:.4f} rad")
         except BlockingIOError as error:
-            elsewhere.append(name)
+            waiting.append((name, True))
             print(error)
         except FloatingPointError as error:
-            failed.append(name)
+            failed = True
             print(f"{name}: {error}")
-        else:
-            print(f"{name:24} MAE {made.test.measures['mae_rad']:.4f} rad")
-
-    for name in known if "all" in names else names:
-        make(name, wait=False)
-    for name in list(elsewhere):  # by now others have made them, or have been stopped
-        make(name, wait=True)
-    return 1 if failed else 0
+    return int(failed)
 
 
 @app.command
-def table(number: str, /, *, preset: str = "tiny", results: Path = RESULTS) -> None:
-    """Print a table.
-
-    Parameters
-    ----------
-    number
-        3, 4, 5, 6 or ours.
-    preset
-        tiny, small or paper.
-    results
-        Folder of the results.
-    """
+def table(
+    number: Annotated[str, option("3, 4, 5, 6 or ours.")],
+    /,
+    *,
+    preset: Preset = "tiny",
+    results: Results = RESULTS,
+) -> None:
+    """Print a table."""
     from fpputil.experiments.runs import load
     from fpputil.experiments.tables import agreement
 
@@ -152,16 +108,12 @@ def table(number: str, /, *, preset: str = "tiny", results: Path = RESULTS) -> N
     loaded = load(preset, results)
     rows = loaded.rows(key)
     if not rows:
-        raise ValueError(
-            f"no run of table {number} is finished in {results / preset}; make them: "
-            f"fpp results run all --preset {preset}"
-        )
+        make = f"make them: fpp results run all --preset {preset}"
+        raise ValueError(f"no run of table {number} is finished in {results / preset}; {make}")
     if loaded.seeded is not loaded.runs:
         print("one seed each; how far another moves a measure is taken from tiny")
     print(loaded.table(key))
-    if any(row.difference for row in rows.values()):
-        print(loaded.differences(key))
-    else:
-        print("no MAE above or below SFNet's: SFNet is not made yet, or nothing beside it")
+    nothing = "no MAE above or below SFNet's: SFNet is not made yet, or nothing beside it"
+    print(loaded.differences(key) if any(row.difference for row in rows.values()) else nothing)
     if key == 6 and len(rows) > 2:
         print("Kendall's tau with the paper {:.2f}, p = {:.2f}".format(*agreement(rows.values())))

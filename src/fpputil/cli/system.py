@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import json as jsons
 from pathlib import Path
+from typing import Annotated
 
 from cyclopts import App
 
+from fpputil.cli.options import Force, Json, System, free, option
+
+New = Annotated[Path, option("New.")]
 app = App("system", help_format="markdown", help="Show or convert a camera and its projector.")
 
 
 @app.command
-def show(system: str, /, *, json: bool = False) -> None:
+def show(system: System, /, *, json: Json = False) -> None:
     """Sizes, poses, measuring range, and how many columns a millimetre of depth is.
 
     Lengths in millimetres, angles in degrees, the rest in pixels. Seen from the camera: x right,
     y down, z forward; yaw turns to the right, pitch up, roll clockwise.
-
-    Parameters
-    ----------
-    system
-        tiny, small, paper, or a file: .json, .yml, .yaml.
-    json
-        The same as one JSON object.
     """
     from fpputil.optics.system import load_system
 
@@ -38,19 +35,8 @@ def show(system: str, /, *, json: bool = False) -> None:
 
 
 @app.command
-def convert(system: str, file: Path, /, *, force: bool = False) -> None:
-    """Write it as .json, or as .yml for OpenCV.
-
-    Parameters
-    ----------
-    system
-        tiny, small, paper, or a file: .json, .yml, .yaml.
-    file
-        New.
-    force
-        Replace a file that is there.
-    """
-    from fpputil.cli.options import free
+def convert(system: System, file: New, /, *, force: Force = False) -> None:
+    """Write it as .json, or as .yml for OpenCV."""
     from fpputil.optics.system import load_system
 
     rig = load_system(system)
@@ -69,22 +55,20 @@ def describe(system) -> dict:
     camera, projector, depths = system.camera, system.projector, (system.z_min, system.z_max)
     to_camera = camera.R @ projector.R.T
     centre, ahead = camera.R @ projector.centre + camera.t, to_camera[:, 2]
-    yaw, pitch, roll = Rotation.from_matrix(to_camera).as_euler("YXZ", degrees=True).tolist()
+    angles = Rotation.from_matrix(to_camera).as_euler("YXZ", degrees=True).tolist()
     across = np.cross([0, 0, 1], ahead)
     if np.linalg.norm(across) > 1e-9:  # where the optical axes come nearest
         nearest = float(np.linalg.det([centre, ahead, across]) / (across @ across))
         gap = float(abs(centre @ across) / np.linalg.norm(across))
     else:  # nowhere: they are parallel
         nearest, gap = None, float(np.hypot(*centre[:2]))
-    w, h = camera.width, camera.height
-    u, v = (w - 1) / 2, (h - 1) / 2
+    w, h, u, v = camera.width, camera.height, (camera.width - 1) / 2, (camera.height - 1) / 2
     middles = np.array([(-0.5, v), (w - 0.5, v), (u, -0.5), (u, h - 0.5)])
     left, right, top, bottom = camera.rays(middles) @ camera.R.T
     width, height = right[0] - left[0], bottom[1] - top[1]
     columns = system.columns_per_mm(sum(depths) / 2)
-    places = {"centre": columns[h // 2, w // 2], "top left": columns[0, 0]}
-    places |= {"top right": columns[0, -1], "bottom left": columns[-1, 0]}
-    places |= {"bottom right": columns[-1, -1]}
+    corners = {"top left": (0, 0), "top right": (0, -1), "bottom left": (-1, 0)}
+    places = {"centre": (h // 2, w // 2), **corners, "bottom right": (-1, -1)}
     lit = columns[np.isfinite(columns)]
     few = float(np.mean(lit < LEAST_SENSITIVITY)) if lit.size else None
     return {
@@ -93,16 +77,17 @@ def describe(system) -> dict:
         "projector_from_camera": {
             "position_mm": centre.tolist(),
             "baseline_mm": float(np.linalg.norm(centre)),
-            "yaw_deg": yaw,
-            "pitch_deg": pitch,
-            "roll_deg": roll,
+            **dict(zip(("yaw_deg", "pitch_deg", "roll_deg"), angles, strict=True)),
         },
         "axes_nearest": {"depth_mm": nearest, "gap_mm": gap},
         "measuring_range_mm": list(depths),
         "field_of_view_mm": {f"{z:g}": [float(z * width), float(z * height)] for z in depths},
         "columns_per_mm": {
             "depth_mm": sum(depths) / 2,
-            **{name: float(c) if np.isfinite(c) else None for name, c in places.items()},
+            **{
+                k: float(columns[at]) if np.isfinite(columns[at]) else None
+                for k, at in places.items()
+            },
             "too_few": LEAST_SENSITIVITY,
             "share_of_too_few": few,
         },
@@ -110,10 +95,7 @@ def describe(system) -> dict:
 
 
 def _lens(pinhole) -> dict:
-    K = pinhole.K
-    return {
-        "size_px": [pinhole.width, pinhole.height],
-        "focal_px": [float(K[0, 0]), float(K[1, 1])],
-        "principal_point_px": [float(K[0, 2]), float(K[1, 2])],
-        "distortion": pinhole.distortion.tolist(),
-    }
+    K, size = pinhole.K, [pinhole.width, pinhole.height]
+    focal, point = [float(K[0, 0]), float(K[1, 1])], [float(K[0, 2]), float(K[1, 2])]
+    lens = {"size_px": size, "focal_px": focal, "principal_point_px": point}
+    return lens | {"distortion": pinhole.distortion.tolist()}

@@ -3,161 +3,78 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from fpputil.cli.options import TRAINING, Training, given
-
-YesNo = Annotated[bool | None, Parameter(negative=None)]
-Range = tuple[float, float] | None
+from fpputil.cli.options import TRAINING, Data, Preset, Training, given, option
 
 
-@Parameter(name="*", group="Settings (default: as the preset has them)")
-@dataclass(frozen=True)
-class Settings:
-    """Options of `TrainingConfig`.
-
-    Parameters
-    ----------
-    epochs
-        At most.
-    batch
-        Images a step, over all devices (paper: 8).
-    learning_rate
-        Or the highest of one cycle.
-    schedule
-        plateau (as the paper) or one-cycle (ours).
-    plateau_patience
-        Epochs without a better one before plateau halves.
-    weight_decay
-        Of AdamW.
-    max_grad_norm
-        Greatest norm of the gradient.
-    early_stopping
-        Epochs without a better one; 0 for never.
-    training_views
-        Training views to use; 0 for all.
-    validation_views
-        Validation views to measure on.
-    seed
-        Of weights, order, augmentation, dropout.
-    precision
-        float32, bfloat16 or auto.
-    """
-
-    epochs: int | None = None
-    batch: int | None = None
-    learning_rate: float | None = None
-    schedule: str | None = None
-    plateau_patience: int | None = None
-    weight_decay: float | None = None
-    max_grad_norm: float | None = None
-    early_stopping: int | None = None
-    training_views: int | None = None
-    validation_views: int | None = None
-    seed: int | None = None
-    precision: str | None = None
+def _options(group: str, **options: tuple[type, str]) -> type:
+    """A dataclass of options by name: type and help; None where one is not given."""
+    rows = []
+    for key, (kind, text) in options.items():
+        described = option(text, negative=None if kind is bool else ())
+        rows.append((key, Annotated[kind | None, described], None))
+    made = make_dataclass("Options", rows, frozen=True, namespace={"__module__": __name__})
+    return Parameter(name="*", group=group)(made)
 
 
-@Parameter(name="*", group="Camera: lowest and highest, drawn for every photograph")
-@dataclass(frozen=True)
-class Camera:
-    """Options of `Augmentation`.
-
-    Parameters
-    ----------
-    gain
-        Exposure.
-    noise
-        Read noise in grey levels.
-    gamma
-        Response.
-    """
-
-    gain: Range = None
-    noise: Range = None
-    gamma: Range = None
-
-
-@Parameter(name="*", group="Network")
-@dataclass(frozen=True)
-class Network:
-    """Options of the methods.
-
-    Parameters
-    ----------
-    frames
-        Photographs of each pitch: 1, 2 or 3.
-    base
-        Channels of the finest level.
-    levels
-        Pairs of convolutions in an encoder.
-    dropout
-        Share dropped where features are joined.
-    mixing
-        none, deepest or 'every level'.
-    target
-        components (M and D) or phase.
-    reference
-        refined (reference), or zmin, mid or unit in its place.
-    plane
-        Show SIDO the empty plane, too.
-    """
-
-    frames: int | None = None
-    base: int | None = None
-    levels: int | None = None
-    dropout: float | None = None
-    mixing: str | None = None
-    target: str | None = None
-    reference: str | None = None
-    plane: YesNo = None
-
-
-@Parameter(name="*", group="Losses")
-@dataclass(frozen=True)
-class Losses:
-    """Options of `Weights`.
-
-    Parameters
-    ----------
-    phase
-        Weight of the phase loss.
-    consistency
-        Weight of the consistency loss.
-    geometric
-        Weight of the geometric loss.
-    modulo
-        Compare absolute phases modulo 2 pi in Eq. 12 (ours).
-    mean
-        Average Eq. 14 over the pixels, not add up (ours).
-    l1
-        Absolute errors, not squares, in Eq. 12 (ours).
-    """
-
-    phase: float | None = None
-    consistency: float | None = None
-    geometric: float | None = None
-    modulo: YesNo = None
-    mean: YesNo = None
-    l1: YesNo = None
-
-
+Settings = _options(
+    "Settings (default: as the preset has them)",  # those of `TrainingConfig`
+    epochs=(int, "At most."),
+    batch=(int, "Images a step, over all devices (paper: 8)."),
+    learning_rate=(float, "Or the highest of one cycle."),
+    schedule=(str, "plateau (as the paper) or one-cycle (ours)."),
+    plateau_patience=(int, "Epochs without a better one before plateau halves."),
+    weight_decay=(float, "Of AdamW."),
+    max_grad_norm=(float, "Greatest norm of the gradient."),
+    early_stopping=(int, "Epochs without a better one; 0 for never."),
+    training_views=(int, "Training views to use; 0 for all."),
+    validation_views=(int, "Validation views to measure on."),
+    seed=(int, "Of weights, order, augmentation, dropout."),
+    precision=(str, "float32, bfloat16 or auto."),
+)
+Camera = _options(
+    "Camera: lowest and highest, drawn for every photograph",  # of `Augmentation`
+    gain=(tuple[float, float], "Exposure."),
+    noise=(tuple[float, float], "Read noise in grey levels."),
+    gamma=(tuple[float, float], "Response."),
+)
+Network = _options(
+    "Network",  # of all methods
+    frames=(int, "Photographs of each pitch: 1, 2 or 3."),
+    base=(int, "Channels of the finest level."),
+    levels=(int, "Pairs of convolutions in an encoder."),
+    dropout=(float, "Share dropped where features are joined."),
+    mixing=(str, "none, deepest or 'every level'."),
+    target=(str, "components (M and D) or phase."),
+    reference=(str, "refined (reference), or zmin, mid or unit in its place."),
+    plane=(bool, "Show SIDO the empty plane, too."),
+)
+Losses = _options(
+    "Losses",  # of `Weights`
+    phase=(float, "Weight of the phase loss."),
+    consistency=(float, "Weight of the consistency loss."),
+    geometric=(float, "Weight of the geometric loss."),
+    modulo=(bool, "Compare absolute phases modulo 2 pi in Eq. 12 (ours)."),
+    mean=(bool, "Average Eq. 14 over the pixels, not add up (ours)."),
+    l1=(bool, "Absolute errors, not squares, in Eq. 12 (ours)."),
+)
 SETTINGS, CAMERA, NETWORK, LOSSES = Settings(), Camera(), Network(), Losses()
 
 
 def train(
-    method: Literal["sfnet", "sido", "psnet", "dlalnet"],
+    method: Annotated[Literal["sfnet", "sido", "psnet", "dlalnet"], option("Which network.")],
     /,
     *,
-    data: Path,
-    out: Path,
-    preset: str = "tiny",
-    resume: bool = False,
-    start: Path | None = None,
+    data: Data,
+    out: Annotated[Path, option("Folder of the run.")],
+    preset: Preset = "tiny",
+    resume: Annotated[bool, option("Go on with the run in OUT.")] = False,
+    start: Annotated[Path | None, option("Begin with this network, not a random one.")] = None,
     how: Training = TRAINING,
     settings: Settings = SETTINGS,
     camera: Camera = CAMERA,
@@ -169,21 +86,6 @@ def train(
     Leaves in OUT checkpoint.safetensors (every epoch and when stopped), weights.safetensors
     (16 bit, of the best epoch), log.csv and curve.png. What is not given is as the preset has it.
     Several devices: torchrun --nproc-per-node N -m fpputil.cli train ...
-
-    Parameters
-    ----------
-    method
-        Which network.
-    data
-        The dataset.
-    out
-        Folder of the run.
-    preset
-        tiny, small or paper.
-    resume
-        Go on with the run in OUT.
-    start
-        Begin with this network, not with random weights.
     """
     from fpputil.dataset.store import open_store
     from fpputil.experiments.registry import recipe
@@ -194,15 +96,11 @@ def train(
     augmentation = replace(config.augmentation, **given(camera))
     config = replace(config, **given(settings), augmentation=augmentation)
     chosen = _changed(plain, method, given(network), given(losses))
-    made = open_store(data).manifest["settings"]["preset"]
-    if made not in (preset, "imported"):
-        raise ValueError(
-            f"{data} was made with the preset {made}, and {preset} is given; name the preset of "
-            "the dataset"
-        )
-    processes = how.begin()
-    first = None if start is None else load_weights(start)
-    _, history = fit(chosen, data, config, out, resume=resume, start=first, **processes)
+    if (made := open_store(data).manifest["settings"]["preset"]) not in (preset, "imported"):
+        name = f"{preset} is given; name the preset of the dataset"
+        raise ValueError(f"{data} was made with the preset {made}, and {name}")
+    processes = how.begin() | {"start": start and load_weights(start)}
+    _, history = fit(chosen, data, config, out, resume=resume, **processes)
     if int(os.environ.get("RANK", 0)):  # the first of several processes speaks for all
         return
     best = min(history, key=lambda row: row["validation_mae"])
@@ -219,11 +117,9 @@ def _changed(method, name: str, network: dict, losses: dict):
 
     known = {f.name for f in fields(method)}
     of_losses = ["weights of losses"] if losses and "weights" not in known else []
-    for option in (*network, *of_losses):
-        if option not in known:
-            raise ValueError(
-                f"{option} given for {name}; its settings are {', '.join(sorted(known))}"
-            )
+    if wrong := [key for key in (*network, *of_losses) if key not in known]:
+        settings = ", ".join(sorted(known))
+        raise ValueError(f"{wrong[0]} given for {name}; its settings are {settings}")
     if "modulo" in losses:
         losses["order"] = not losses.pop("modulo")
     if losses:

@@ -7,7 +7,6 @@ from copy import copy
 from pathlib import Path
 
 from fpputil.dataset.augmentation import Augmentation
-from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.experiments.error_analysis import ErrorAnalysis
 from fpputil.files import write_arrays
 from fpputil.learning.evaluation import evaluate, open_split
@@ -45,20 +44,17 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
     Parameters
     ----------
     trained : Trained
-    data : path
-        The dataset.
-    pictures : Path
-        File for the errors (P,) of some test views, by number, at the pixels of their masks. Their
-        masks, phases, modulation and depths go to `VIEWS` beside it, if that is not there yet.
+    data, pictures : path
+        The dataset, and a file for the errors (P,) of some test views, by number, in their masks.
+        Masks, phases, modulation and depths go to `VIEWS` beside it, if that is not there yet.
     **loading
         Options of `predictions`.
 
     Returns
     -------
     dict
-        splits: of "test" and "held-out", and conditions: of each of `CONDITIONS` on some test
-        views, a dict of views, measures (of `Score.summary`), models and, by kind and model, sums
-        (`KINDS`). The splits also have alone, the measures without the second phase; the test
+        splits ("test", "held-out") and conditions (`CONDITIONS`, on some test views), each as
+        `scored`. The splits also have alone, the measures without the second phase; the test
         split has inspection, the `ErrorAnalysis.sums` of each model.
     """
     splits = {split: open_split(trained, data, split) for split in SPLITS}
@@ -81,24 +77,18 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         write_arrays(beside, truth)
     few = spread(test, CONDITION_VIEWS)
     for name, options in CONDITIONS.items():
-        camera = Augmentation(**{k: (v, v) for k, v in options.items() if k != "texture"})
-        surface = _changed(test, texture=options.get("texture", 0.0))
-        seen = _changed(surface, augmentation=camera)
+        camera = {k: (v, v) for k, v in options.items() if k != "texture"}
+        surface, seen = copy(test), copy(test)  # the same views, photographed otherwise
+        surface.texture = seen.texture = options.get("texture", 0.0)
+        seen.augmentation = Augmentation(**camera)
         both, _ = evaluate(trained, seen, truth=surface, views=few, **loading)
         result["conditions"][name] = scored(both, len(few))
     return result
 
 
 def scored(score: Score, views: int) -> dict:
-    """Measures of a score, its models, and the sums behind them."""
+    """Measures (of `Score.summary`), models, sums by kind (`KINDS`) and model, and views."""
     models = list(score.models.values())
     sums = {k: [m[k][1:4].tolist() for m in models] for k in KINDS if k in models[0]}
     measures = score.summary()
     return {"measures": measures, "models": list(score.models), "sums": sums, "views": views}
-
-
-def _changed(data: SynthFringe, **changes) -> SynthFringe:
-    """The same views, of the same open dataset, photographed otherwise."""
-    other = copy(data)
-    vars(other).update(changes)
-    return other

@@ -21,19 +21,10 @@ CANNY = 30, 90  # thresholds of the gradient, grey levels
 
 
 def edges_of(modulation: np.ndarray) -> np.ndarray:
-    """Edges of the plain photograph, by Canny's detector. Chapter 10.
+    """Edges (H, W) of the plain photograph, by Canny's detector. Chapter 10.
 
-    Parameters
-    ----------
-    modulation : (H, W) array
-        Grey levels, 0 outside the mask; white light gives twice as many.
+    Of the modulation (H, W) in grey levels, 0 outside the mask; white light gives twice as many.
 
-    Returns
-    -------
-    (H, W) bool array
-
-    Examples
-    --------
     >>> step = np.repeat([[60.0] * 6 + [20.0] * 6], 8, axis=0)
     >>> np.flatnonzero(edges_of(step)[4])
     array([5])
@@ -56,17 +47,8 @@ def waves(e: np.ndarray, Phi: np.ndarray) -> np.ndarray:
     Offset, harmonics 1 to `HARMONICS` of the fringe and as many frequencies half way between
     are fitted together by least squares. A smooth error leaves as much at the latter as at the
     former, a wave does not. Where a view shows too few fringes to tell terms apart, they share
-    what they have in common.
-
-    Parameters
-    ----------
-    e, Phi : (P,) arrays
-        Error of the fine phase and true absolute phase at the same pixels, radians.
-
-    Returns
-    -------
-    (2, HARMONICS) array
-        Radians: at k and at k + 1/2 periods a fringe.
+    what they have in common. Error of the fine phase and true absolute phase (P,) are of the same
+    pixels, in radians, as are the amplitudes (2, HARMONICS) at k and at k + 1/2 periods a fringe.
     """
     k = np.arange(1, HARMONICS + 1)[:, None]
     angles = np.concatenate([k, k + 0.5]) * Phi
@@ -78,13 +60,8 @@ def waves(e: np.ndarray, Phi: np.ndarray) -> np.ndarray:
 def creases(phi: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
     """Sums over all triples of neighbours of phi'' Phi'' and Phi''^2, along rows and columns.
 
-    Triples that bend by more than `STEP` belong to a step in depth, not to a crease.
-
-    Parameters
-    ----------
-    phi, true : (H, W) arrays
-        Predicted, wrapped or not, and true phase, radians.
-    mask : (H, W) bool array
+    Of the predicted phase (H, W), wrapped or not, and the true one, radians. Triples that bend by
+    more than `STEP` belong to a step in depth, not to a crease.
     """
     product = square = 0.0
     for a, b, m in ((phi, true, mask), (phi.T, true.T, mask.T)):
@@ -98,24 +75,14 @@ def creases(phi: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[float,
 
 @dataclass(eq=False)
 class ErrorAnalysis:
-    """Errors gathered over views by what is nearby.
+    """Errors gathered over views by what is nearby."""
 
-    Parameters
-    ----------
-    classes : (3, classes) array
-        Number of pixels, sum of ``|e|`` and wrong orders in each class of distance to an edge.
-    power : (2, HARMONICS) array
-        Sum over views of their pixels times the squares of `waves`.
-    inner : (2,) array
-        Number of these pixels, away from edges, and their sum of squared errors of phi_h.
-    bent : (2,) array
-        Sums of `creases`.
-    """
-
+    # pixels, sum of |e| and wrong orders in each class of distance to an edge
     classes: np.ndarray = field(default_factory=lambda: np.zeros((3, len(DISTANCES) - 1)))
+    # pixels away from edges times the squares of `waves`; their number, sum of squares of phi_h
     power: np.ndarray = field(default_factory=lambda: np.zeros((2, HARMONICS)))
     inner: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    bent: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    bent: np.ndarray = field(default_factory=lambda: np.zeros(2))  # sums of `creases`
 
     def add(self, item: dict, prediction) -> None:
         """Add a view: an item of `SynthFringe` as arrays, and the `Prediction` of it."""
@@ -133,17 +100,12 @@ class ErrorAnalysis:
         self.bent += creases(prediction.phi_h, item["Phi"], mask)
 
     def summary(self) -> dict[str, list[float] | float]:
-        """Measures of all views together.
+        """Measures of all views together; NaN where there was nothing to measure.
 
-        Returns
-        -------
-        dict
-            edge_mae, edge_orders (radians, 0 to 1) by class of `DISTANCES`, edge_pixels their
-            share; waves, the amplitude of each harmonic of the fringes in the error of phi_h,
-            radians, and floor, that of frequencies half way between, beside the
-            rms of that error; sharpness, by how much
-            creases are as sharp as in truth: 1, or less where they are rounded. NaN where there
-            was nothing to measure.
+        edge_mae and edge_orders (radians, 0 to 1) by class of `DISTANCES`, and edge_pixels, their
+        share; waves, the amplitude of each harmonic of the fringes in the error of phi_h, radians,
+        and floor, that of frequencies half way between, beside the rms of that error; sharpness,
+        by how much creases are as sharp as in truth: 1, or less where they are rounded.
         """
         number, total, wrong = self.classes
         with np.errstate(invalid="ignore", divide="ignore"):

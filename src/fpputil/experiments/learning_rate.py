@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -21,31 +20,20 @@ MEASURES = ("mae", "rmse", "order_errors")
 def search_learning_rate(
     data: str | Path, path: str | Path, kinds: Sequence[str] = (), **how
 ) -> dict[str, float]:
-    """Try learning rates for each of some kinds of runs, those that a JSON file lacks.
+    """The learning rate with the least validation MAE (radians) of each of some kinds of runs.
 
     Parameters
     ----------
     data : path
         A dataset of the preset "tiny".
     path : path
-        Of the file: data (name of the dataset), settings, methods, hardware, and runs: of each
-        kind and rate mae, rmse (radians) and order_errors (0 to 1) on validation views, and
-        seconds; mae is None where the loss was not finite.
+        JSON file of what was tried; rates that it lacks are tried. It holds data (name of the
+        dataset), settings, methods, hardware, and runs: by kind and rate mae, rmse and
+        order_errors of validation views, and seconds; mae is None where the loss was not finite.
     kinds : sequence of str
         Of `SEARCHED`; by default all.
     **how
         Options of `fit`: workers, device, progress.
-
-    Returns
-    -------
-    dict of str to float
-        The rate with the least validation MAE of each kind.
-
-    Raises
-    ------
-    ValueError
-        If there is no such kind, the dataset is of another preset, or the file is of another
-        search.
     """
     kinds = kinds or SEARCHED
     if wrong := [kind for kind in kinds if kind not in SEARCHED]:
@@ -65,46 +53,34 @@ def search_learning_rate(
     for kind in kinds:
         tried = search["runs"].setdefault(kind, {})
         while (rate := _next_rate(tried)) is not None:
-            tried[f"{rate:g}"] = _try(known[kind], data, rate, how)
+            config = replace(SEARCH_CONFIG, learning_rate=rate)
+            try:
+                last = fit(known[kind], data, config, **how)[1][-1]
+                measured = {k: last[f"validation_{k}"] for k in MEASURES}
+                tried[f"{rate:g}"] = measured | {"seconds": last["seconds"]}
+            except FloatingPointError:
+                tried[f"{rate:g}"] = {"mae": None}
             search["hardware"] = hardware(device_of(how.get("device") or "cpu"))
             write_whole(path, f"{json.dumps(search, indent=1)}\n".encode())
     return {kind: _best(search["runs"][kind]) for kind in kinds}
 
 
-def _try(method, data, rate: float, how: dict) -> dict:
-    try:
-        _, history = fit(method, data, replace(SEARCH_CONFIG, learning_rate=rate), **how)
-    except FloatingPointError:
-        return {"mae": None}
-    last = history[-1]
-    return {**{k: last[f"validation_{k}"] for k in MEASURES}, "seconds": last["seconds"]}
-
-
 def _next_rate(tried: dict[str, dict]) -> float | None:
     """The next rate to try, or None if the best is known and none of the ends."""
-    for rate in LEARNING_RATES:
-        if f"{rate:g}" not in tried:
-            return rate
-    rates, best = sorted(map(float, tried)), _best(tried)
-    if best == rates[0]:
-        return best / 2
-    return best * 2 if best == rates[-1] else None
+    if left := [rate for rate in LEARNING_RATES if f"{rate:g}" not in tried]:
+        return left[0]
+    best, rates = _best(tried), [float(rate) for rate in tried]
+    return {min(rates): best / 2, max(rates): best * 2}.get(best)
 
 
 def _best(tried: dict[str, dict]) -> float:
     """The rate with the least MAE; one that diverged has none."""
     mae = {float(rate): result["mae"] for rate, result in tried.items()}
-    return min(mae, key=lambda rate: math.inf if mae[rate] is None else mae[rate])
+    return min(mae, key=lambda rate: (mae[rate] is None, mae[rate]))
 
 
 def best_learning_rate(path: str | Path, kind: str) -> float:
-    """The rate with the least validation MAE of a kind, as `search_learning_rate` found it.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If nothing was searched yet, or not enough for this kind.
-    """
+    """The rate that `search_learning_rate` found for a kind; an error if it has not yet."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not there; search first: fpp results rates")

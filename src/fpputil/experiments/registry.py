@@ -21,24 +21,12 @@ _PAPER = TrainingConfig(augmentation=CAMERA)
 
 @dataclass(frozen=True)
 class Training:
-    """How the networks of a preset are trained.
+    """How the networks of a preset are trained."""
 
-    Parameters
-    ----------
-    levels : int
-        Pairs of convolutions in an encoder.
-    recipe : TrainingConfig
-        Of a network to be used; all have 8 channels by `sized`.
-    budget : TrainingConfig
-        Of every run of a table but for learning rate and seed: the same for all methods.
-    size : int
-        Channels of these runs by `sized`.
-    """
-
-    levels: int
-    recipe: TrainingConfig
-    budget: TrainingConfig
-    size: int
+    levels: int  # pairs of convolutions in an encoder
+    recipe: TrainingConfig  # of a network to be used; all have 8 channels by `sized`
+    budget: TrainingConfig  # of all runs of tables alike, but for learning rate and seed
+    size: int  # channels of these runs by `sized`
 
 
 TRAINING = {
@@ -82,8 +70,7 @@ SEEDS = {name: (0, 1, 2) for table in (3, 4) for name in ROWS[table].values()}
 SCENES = 14_400
 """Training views of a dataset of 1000 models, the paper's number of scenes times eight tenths."""
 
-LEARNING_RATES = (1e-3, 2e-3, 4e-3)
-"""Learning rates that are tried first; where the best lies at an end, the search goes on there."""
+LEARNING_RATES = (1e-3, 2e-3, 4e-3)  # where the best lies at an end, the search goes on there
 
 SEARCHED = (*METHODS, "sfnet-a", "sfnet-b", "sfnet-printed", "dlalnet-losses")
 """Runs that a learning rate is searched for; other runs of SFNet and SIDO take theirs."""
@@ -96,18 +83,10 @@ SEARCH_CONFIG = replace(
 
 @dataclass(frozen=True)
 class Experiment:
-    """A run to be made.
-
-    Parameters
-    ----------
-    method : Method
-    kind : str
-        Which of `SEARCHED` it takes the learning rate of.
-    seed : int
-    """
+    """A run to be made."""
 
     method: Method
-    kind: str
+    kind: str  # which of `SEARCHED` it takes the learning rate of
     seed: int = 0
 
 
@@ -121,8 +100,6 @@ def training(preset: str) -> Training:
 def budget(preset: str) -> TrainingConfig:
     """Settings of every run of a preset but for learning rate and seed.
 
-    Examples
-    --------
     >>> budget("tiny").epochs, budget("tiny").training_views
     (3, 4800)
     """
@@ -136,15 +113,6 @@ def recipe(preset: str, name: str = "sfnet") -> tuple[Method, TrainingConfig]:
     absolute phases modulo 2 pi and averages Eq. 14; ``data/results/sfnet-choices.json`` tells
     what these are worth.
 
-    Parameters
-    ----------
-    preset : str
-        "tiny", "small" or "paper".
-    name : str
-        One of `METHODS`.
-
-    Examples
-    --------
     >>> method, config = recipe("tiny")
     >>> method.mixing, config.schedule
     ('every level', 'one-cycle')
@@ -182,17 +150,14 @@ def methods(preset: str) -> dict[str, Method]:
         "sfnet": sfnet,
         "sfnet-a": replace(sfnet, mixing="none", weights=PLAIN),
         "sfnet-b": replace(sfnet, weights=PLAIN),
-        "sfnet-2-frames": replace(sfnet, frames=2),
-        "sfnet-3-frames": replace(sfnet, frames=3),
+        **{f"sfnet-{n}-frames": replace(sfnet, frames=n) for n in (2, 3)},
         **{
             name: replace(sfnet, weights=replace(weights, consistency=float(c), geometric=float(g)))
             for (c, g), name in _BY_WEIGHTS.items()
         },
         "sfnet-printed": replace(sfnet, weights=Weights()),
         "sfnet-every-level": replace(sfnet, mixing="every level"),
-        "sfnet-zmin": replace(sfnet, reference="zmin"),
-        "sfnet-mid": replace(sfnet, reference="mid"),
-        "sfnet-unit": replace(sfnet, reference="unit"),
+        **{f"sfnet-{k}": replace(sfnet, reference=k) for k in ("zmin", "mid", "unit")},
         "sido-no-plane": replace(plain["sido"], plane=False),
         "dlalnet-losses": replace(plain["dlalnet"], weights=replace(weights, mean=True)),
     }
@@ -208,16 +173,13 @@ def experiments(preset: str) -> dict[str, Experiment]:
 
     Seed 0 of every row comes first, so that a table is whole before its intervals are.
 
-    Examples
-    --------
     >>> len(experiments("tiny")), experiments("tiny")["sfnet-mid"].kind
     (35, 'sfnet')
     """
-    runs = {}
-    for name, method in methods(preset).items():
-        kind = name if name in SEARCHED else name.partition("-")[0]
-        runs[name] = Experiment(method, kind)
+    runs = {
+        name: Experiment(method, name if name in SEARCHED else name.partition("-")[0])
+        for name, method in methods(preset).items()
+    }
     for seed in (1, 2):
-        for name in (k for k, seeds in SEEDS.items() if seed in seeds):
-            runs[seeded_name(name, seed)] = replace(runs[name], seed=seed)
+        runs |= {seeded_name(name, seed): replace(runs[name], seed=seed) for name in SEEDS}
     return runs

@@ -17,19 +17,12 @@ from filelock import FileLock, Timeout
 
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.store import open_store
-from fpputil.experiments import tables
+from fpputil.experiments import statistics, tables
 from fpputil.experiments.assessment import SPLITS, TRUTH, VIEWS, assess
 from fpputil.experiments.error_analysis import ErrorAnalysis
 from fpputil.experiments.learning_rate import as_json, best_learning_rate, read_json
 from fpputil.experiments.registry import SCENES, budget, experiments
-from fpputil.experiments.statistics import (
-    Interval,
-    Spread,
-    bootstrap,
-    difference,
-    seed_variation,
-    seeds_of,
-)
+from fpputil.experiments.statistics import Interval, Spread, seeds_of
 from fpputil.files import write_whole
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.training import CHECKPOINT, WEIGHTS, fit
@@ -47,28 +40,12 @@ TILE = 32  # pixels that every network halves without a rest: its work grows wit
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What a network was measured to do on some views; ``part.mae_mm`` is a measure's value.
+    """What a network was measured to do on some views: ``part.mae_mm``, ``part.mae`` in radians."""
 
-    Parameters
-    ----------
-    measures : dict
-        Of `Score.summary`: value and interval over models, None where nothing was measured.
-        ``part.mae``, ``part.rmse`` and ``part.median`` are those in radians.
-    models : list of int
-    sums : dict
-        By kind of error, for each model: number, sum of ``|e|``, sum of squares.
-    views : int
-    """
-
-    measures: dict[str, Interval]
+    measures: dict[str, Interval]  # of `Score.summary`; None where nothing was measured
     models: list[int] = field(default_factory=list)
-    sums: dict[str, list] = field(default_factory=dict)
+    sums: dict[str, list] = field(default_factory=dict)  # by kind of error, as `scored` has them
     views: int = 0
-
-    @classmethod
-    def of(cls, stored: dict) -> Part:
-        measures = {k: Interval(*v) for k, v in stored["measures"].items()}
-        return cls(measures, stored["models"], stored["sums"], stored["views"])
 
     def __getattr__(self, name: str) -> float:
         measures = vars(self).get("measures", {})
@@ -80,47 +57,23 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A finished run: ``run.test.mae``, ``run.parts["noise 4"].order_errors``.
-
-    Parameters
-    ----------
-    name, preset : str
-    seed : int
-    data : str
-        Name of the dataset.
-    method : Method
-    settings : TrainingConfig
-    parameters, multiply_adds : int
-        Of the network, for one view.
-    images : int
-        Seen in training.
-    seconds : float
-    hardware : dict
-    history : list of dict
-        A row an epoch.
-    parts : dict
-        "test", "held-out" and each of `CONDITIONS`.
-    alone : Part
-        Measures of phi_h of the test views, without the second phase.
-    analyses : list of dict
-        Sums of `ErrorAnalysis` of each test model.
-    """
+    """A finished run: ``run.test.mae``, ``run.parts["noise 4"].order_errors``."""
 
     name: str
     preset: str
     seed: int
-    data: str
+    data: str  # name of the dataset
     method: Method
     settings: TrainingConfig
     parameters: int
-    multiply_adds: int
-    images: int
+    multiply_adds: int  # of the network, for one view
+    images: int  # seen in training
     seconds: float
     hardware: dict
-    history: list[dict]
-    parts: dict[str, Part]
-    alone: Part
-    analyses: list[dict]
+    history: list[dict]  # a row an epoch
+    parts: dict[str, Part]  # "test", "held-out" and each of `CONDITIONS`
+    alone: Part  # measures of phi_h of the test views, without the second phase
+    analyses: list[dict]  # sums of `ErrorAnalysis` of each test model
 
     @property
     def kind(self) -> str:
@@ -152,22 +105,26 @@ def read_result(path: Path) -> Run:
             **{k: stored[k] for k in (*IDENTITY[:4], *COSTS)},
             method=method_of(stored["method"]),
             settings=TrainingConfig(augmentation=Augmentation(**camera), **settings),
-            parts={name: Part.of(part) for name, part in parts.items()},
-            alone=Part({k: Interval(*v) for k, v in test["alone"].items()}, views=test["views"]),
+            parts={
+                name: Part(_intervals(p["measures"]), p["models"], p["sums"], p["views"])
+                for name, p in parts.items()
+            },
+            alone=Part(_intervals(test["alone"]), views=test["views"]),
             analyses=test["inspection"],
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is of no method of this version ({error})") from error
 
 
+def _intervals(measures: dict) -> dict[str, Interval]:
+    return {name: Interval(*values) for name, values in measures.items()}
+
+
 def read_results(preset: str, path: str | Path = RESULTS) -> dict[str, Run]:
     """All finished runs of a preset, by name.
 
-    Raises
-    ------
-    ValueError
-        If one was made with another method or budget than `experiments` has, or if they were
-        made on different datasets.
+    ValueError if one was made with another method or budget than `experiments` has, or if they
+    were made on different datasets.
     """
     folder, runs = Path(path) / preset, {}
     for name, experiment in experiments(preset).items():
@@ -178,10 +135,8 @@ def read_results(preset: str, path: str | Path = RESULTS) -> dict[str, Run]:
         settings = replace(budget(preset), seed=experiment.seed, learning_rate=rate)
         for what, needed in (("method", experiment.method), ("settings", settings)):
             if getattr(run, what) != needed:
-                raise ValueError(
-                    f"{file} was made with other {what} than this version's; make it again: "
-                    f"fpp results run {name} --preset {preset}"
-                )
+                again = f"make it again: fpp results run {name} --preset {preset}"
+                raise ValueError(f"{file} was made with other {what} than this version's; {again}")
     if (number := len({run.data for run in runs.values()})) > 1:
         raise ValueError(f"{folder} holds runs on {number} datasets; a table is about one")
     return runs
@@ -196,33 +151,24 @@ def make_run(
     wait: bool = False,
     **how,
 ) -> Run:
-    """Make a run, or go on with it, unless it is finished.
+    """Make a run of `experiments`, or go on with it, unless it is finished.
 
     It leaves NAME.json, NAME.npz (errors of some views) and NAME.png (its curve) in the folder of
     the preset.
 
     Parameters
     ----------
-    name : str
-        One of `experiments`.
-    preset : str
+    name, preset : str
     data : path
-        A dataset of the preset.
+        A dataset of the preset, with all splits.
     work : path
         Folder for the folders of runs under way, each named after all that decides on it.
     results : path
         Folder with tiny/rates.json, for the results of each preset in a folder of its own.
     wait : bool
-        Wait while another process makes this run.
+        Wait while another process makes this run; otherwise BlockingIOError.
     **how
         Options of `fit`: workers, device, progress.
-
-    Raises
-    ------
-    ValueError
-        If there is no such run, or the dataset is of another preset or lacks a split.
-    BlockingIOError
-        If another process is making it, and `wait` is not given.
     """
     known, store, results = experiments(preset), open_store(data), Path(results)
     if name not in known:
@@ -243,12 +189,16 @@ def make_run(
         needed.mkdir(parents=True, exist_ok=True)
     try:  # the lock dies with its process
         with FileLock(folder / ".lock", timeout=-1 if wait else 0):
-            if not finished(path, identity):
+            stored = read_json(path, *IDENTITY) if path.is_file() else {}
+            if {k: stored.get(k) for k in IDENTITY} != identity:
                 resume = (folder / CHECKPOINT).is_file()
                 _, history = fit(method, data, settings, folder, resume=resume, **how)
                 trained = load_weights(folder / WEIGHTS)
                 record = {**identity, "checksum": store.checksum, **_costs(trained, history)}
-                record |= assess(trained, data, path.with_suffix(".npz"), **_loading(how))
+                device = how.get("device") or ("cuda" if torch.cuda.is_available() else "cpu")
+                loading = {"workers": 0, "progress": False, **how, "device": device}
+                loading["precision"] = "float32"  # on every device alike
+                record |= assess(trained, data, path.with_suffix(".npz"), **loading)
                 write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
                 write_whole(path, f"{json.dumps(short(record), separators=(',', ':'))}\n".encode())
     except Timeout:
@@ -256,31 +206,12 @@ def make_run(
     return read_result(path)
 
 
-def finished(path: Path, identity: dict) -> bool:
-    """Whether a file holds the run of `IDENTITY`."""
-    if not path.is_file():
-        return False
-    stored = read_json(path, *IDENTITY)
-    return all(stored[k] == v for k, v in identity.items())
-
-
 def _costs(trained, history: list[dict]) -> dict:
     work = cost(trained.network, tuple(trained.metadata["camera"]))
-    return {
-        "version": version("fpputil"),
-        "hardware": trained.metadata["training"]["hardware"],
-        "parameters": work.parameters,
-        "multiply_adds": work.multiply_adds,
-        "images": history[-1]["images"],
-        "seconds": sum(row["seconds"] for row in history),
-        "history": history,
-    }
-
-
-def _loading(how: dict) -> dict:
-    device = how.get("device") or ("cuda" if torch.cuda.is_available() else "cpu")
-    shared = {"workers": how.get("workers", 0), "progress": how.get("progress", False)}
-    return {**shared, "device": device, "precision": "float32"}  # on every device alike
+    seen, seconds = history[-1]["images"], sum(row["seconds"] for row in history)
+    hardware = trained.metadata["training"]["hardware"]
+    values = (work.parameters, work.multiply_adds, seen, seconds, hardware, history)
+    return {"version": version("fpputil"), **dict(zip(COSTS, values, strict=True))}
 
 
 def training_cost(preset: str, names: Iterable[str]) -> dict[str, float]:
@@ -296,37 +227,21 @@ def training_cost(preset: str, names: Iterable[str]) -> dict[str, float]:
 
 
 def training_speed(runs: Mapping[str, Run]) -> float | None:
-    """Multiply-adds of forward passes that a second of training holds, or None without a run.
-
-    The median over the runs counts.
-    """
+    """Multiply-adds of forward passes a second of training: the median of the runs, or None."""
     speeds = [run.images * run.multiply_adds / run.seconds for run in runs.values()]
     return median(speeds) if speeds else None
 
 
 @dataclass(frozen=True, eq=False)
 class ResultView:
-    """A test view whose errors were kept.
+    """A test view whose errors were kept; its arrays (H, W) are 0 outside the mask."""
 
-    Parameters
-    ----------
-    number : int
-        In the dataset.
-    mask : (H, W) bool array
-    Phi : (H, W) array
-        True absolute phase, radians; 0 outside the mask.
-    modulation, depth : (H, W) array
-        Grey levels and mm; 0 outside the mask.
-    folder : Path
-        Of the results of the preset.
-    """
-
-    number: int
+    number: int  # in the dataset
     mask: np.ndarray
-    Phi: np.ndarray
-    modulation: np.ndarray
-    depth: np.ndarray
-    folder: Path
+    Phi: np.ndarray  # true absolute phase, radians
+    modulation: np.ndarray  # grey levels
+    depth: np.ndarray  # mm
+    folder: Path  # of the results of the preset
 
     def error(self, name: str) -> np.ndarray:
         """Error of Phi of a run, (H, W) radians, NaN outside the mask."""
@@ -347,22 +262,12 @@ class ResultView:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """The finished runs of a preset, and what they say together. Chapters 10 and 11.
-
-    Parameters
-    ----------
-    preset : str
-    path : Path
-    runs : dict
-        By name.
-    seeded : dict
-        Runs from whose seeds to tell how far a seed moves a measure.
-    """
+    """The finished runs of a preset, and what they say together. Chapters 10 and 11."""
 
     preset: str
     path: Path
-    runs: dict[str, Run]
-    seeded: dict[str, Run]
+    runs: dict[str, Run]  # by name
+    seeded: dict[str, Run]  # from whose seeds to tell how far a seed moves a measure
 
     def seeds(self, name: str) -> list[Run]:
         """The runs of a row, one a seed."""
@@ -385,15 +290,15 @@ class Results:
     def difference(self, a: str, b: str, measure="mae_rad", part="test") -> Interval:
         """A measure of one row above that of another."""
         spreads = {measure: self.seed_variation(measure)}
-        return difference(self.seeds(a), self.seeds(b), spreads, measure, part)
+        return statistics.difference(self.seeds(a), self.seeds(b), spreads, measure, part)
 
     def mean(self, name: str, measure="mae_rad", part="test") -> float:
         """A measure of a row, the mean over its seeds."""
-        return float(bootstrap(self.seeds(name), measure, part, draws=1)[0])
+        return float(statistics.bootstrap(self.seeds(name), measure, part, draws=1)[0])
 
     def seed_variation(self, measure="mae_rad") -> Spread:
         """How much a seed moves a measure, in parts of it, by method."""
-        return seed_variation(self.seeded, measure)
+        return statistics.seed_variation(self.seeded, measure)
 
     def analysis(self, name: str) -> dict:
         """Measures of `ErrorAnalysis` over the test views of all seeds of a row."""
@@ -411,32 +316,13 @@ class Results:
         with np.load(folder / VIEWS) as file:
             truth = dict(file)
         numbers = sorted({int(key.split("-")[0]) for key in truth if key.endswith("-mask")})
-        return [
-            ResultView(n, **{name: truth[f"{n}-{name}"] for name in TRUTH}, folder=folder)
-            for n in numbers
-        ]
+        return [ResultView(n, *(truth[f"{n}-{name}"] for name in TRUTH), folder) for n in numbers]
 
 
 def load(preset: str, path: str | Path = RESULTS) -> Results:
-    """The finished runs of a preset.
+    """The finished runs of a preset, from a folder with one for each; errors as `read_results`.
 
     Where none has another seed than 0, how far a seed moves a measure is taken from "tiny".
-
-    Parameters
-    ----------
-    preset : str
-        "tiny", "small" or "paper".
-    path : path
-        Folder of the results, with a folder for each preset.
-
-    Returns
-    -------
-    Results
-
-    Raises
-    ------
-    ValueError
-        As `read_results`.
     """
     path, runs = Path(path), read_results(preset, path)
     seeded = runs if any(run.seed for run in runs.values()) else read_results("tiny", path)

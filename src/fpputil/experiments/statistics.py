@@ -9,6 +9,7 @@ several seeds, in parts of the measure, and counts for its rows with one seed, t
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -37,8 +38,6 @@ Spread = dict[str, tuple[float, int]]
 class Interval(NamedTuple):
     """A value and the ends of its 95 % interval.
 
-    Examples
-    --------
     >>> f"{-Interval(-0.0267, -0.0338, -0.0195):.3f rad}"
     '0.027 rad [0.019, 0.034]'
     """
@@ -65,27 +64,20 @@ def seeds_of(name: str, runs: Mapping, several: bool = True) -> list:
 
 
 def bootstrap(runs: Sequence, measure: str, part="test", seed=0, draws=1000) -> np.ndarray:
-    """A measure of a row, the mean over its seeds, for all models and for each draw of models.
+    """A measure of a row, the mean over its seeds: of all models, then of each draw of models.
 
     Parameters
     ----------
     runs : sequence of Run
-        Of the row, one a seed.
-    measure : str
-        One of `MEASURES`.
-    part : str
-        One of `Run.parts`: "test", "held-out", or the name of a condition.
+        Of the row, one a seed, measured on the same models.
+    measure, part : str
+        One of `MEASURES` and of `Run.parts`: "test", "held-out", or the name of a condition.
     seed : int
         Of the draws. With the same seed, rows are drawn alike and may be subtracted.
 
     Returns
     -------
     (draws + 1,) array
-
-    Raises
-    ------
-    ValueError
-        If the runs were measured on different models.
     """
     kind, root = MEASURES[measure]
     parts = [run.parts[part] for run in runs]
@@ -101,39 +93,26 @@ def seed_variation(runs: Mapping, measure: str) -> Spread:
     """How much a seed moves a measure of a method, in parts of it.
 
     Pooled over the rows of the method that have several seeds; methods without one are left out.
-
-    Parameters
-    ----------
-    runs : mapping of str to Run
-    measure : str
-        One of `MEASURES`.
     """
-    squares, freedoms = {}, {}
+    squares, freedoms = Counter(), Counter()
     for name in SEEDS:
         row = [run for run in seeds_of(name, runs) if _has(run, measure)]
         values = np.array([bootstrap([run], measure, draws=1)[0] for run in row])
         if len(values) > 1 and values.mean() > 0:
-            kind = row[0].kind
-            squares[kind] = squares.get(kind, 0) + np.sum((values / values.mean() - 1) ** 2)
-            freedoms[kind] = freedoms.get(kind, 0) + len(values) - 1
+            squares[row[0].kind] += np.sum((values / values.mean() - 1) ** 2)
+            freedoms[row[0].kind] += len(values) - 1
     return {k: (math.sqrt(squares[k] / freedom), freedom) for k, freedom in freedoms.items()}
 
 
 def seed_error(rows: Sequence[tuple[Sequence, float]], spread: Spread) -> tuple[float, float]:
     """Standard deviation that seeds give to a row, or to the difference of two; degrees of freedom.
 
-    Where two methods meet, these are those of Welch and Satterthwaite.
-
-    Parameters
-    ----------
-    rows : sequence of (runs, value)
-        The runs of each row, one a seed, and the mean of the measure.
-    spread : dict
-        From `seed_variation`.
+    Where two methods meet, these are those of Welch and Satterthwaite. Of each row there are the
+    runs, one a seed, and the mean of the measure.
     """
-    weights = {}
+    weights = Counter()
     for runs, value in rows:
-        weights[runs[0].kind] = weights.get(runs[0].kind, 0.0) + value**2 / len(runs)
+        weights[runs[0].kind] += value**2 / len(runs)
     parts = [(spread[k][0] ** 2 * w, spread[k][1]) for k, w in weights.items() if k in spread]
     total = sum(square for square, _ in parts)
     if total == 0:
@@ -142,16 +121,9 @@ def seed_error(rows: Sequence[tuple[Sequence, float]], spread: Spread) -> tuple[
 
 
 def interval(values: np.ndarray, by_seeds: float, freedom: float) -> Interval:
-    """Value and 95 % interval, from its draws of models and from how far seeds move it.
+    """Value and 95 % interval, from `bootstrap` or a difference of two, and from `seed_error`.
 
-    Parameters
-    ----------
-    values : (draws + 1,) array
-        From `bootstrap`, or a difference of two.
-    by_seeds : float
-        Standard deviation that seeds give it.
-    freedom : float
-        Degrees of freedom behind `by_seeds`; 0 if nothing is known about seeds.
+    Without degrees of freedom models alone count.
     """
     moved = student.ppf(0.975, freedom) * by_seeds if freedom else 0.0
     half = math.hypot(1.96 * values[1:].std(), moved)
@@ -160,13 +132,11 @@ def interval(values: np.ndarray, by_seeds: float, freedom: float) -> Interval:
 
 def measures_of(runs: Sequence, spreads: Mapping[str, Spread], part="test") -> dict[str, Interval]:
     """Each of `MEASURES` that a row has; `seed_variation` of each is given."""
-    intervals = {}
-    for measure in MEASURES:
-        if _has(runs[0], measure):
-            values = bootstrap(runs, measure, part)
-            moved = seed_error([(runs, values[0])], spreads[measure])
-            intervals[measure] = interval(values, *moved)
-    return intervals
+    draws = {m: bootstrap(runs, m, part) for m in MEASURES if _has(runs[0], m)}
+    return {
+        measure: interval(values, *seed_error([(runs, values[0])], spreads[measure]))
+        for measure, values in draws.items()
+    }
 
 
 def _has(run, measure: str) -> bool:

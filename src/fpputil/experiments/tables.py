@@ -7,15 +7,9 @@ from dataclasses import dataclass
 
 from scipy.stats import kendalltau
 
+from fpputil.experiments import statistics
 from fpputil.experiments.registry import ROWS
-from fpputil.experiments.statistics import (
-    MEASURES,
-    Interval,
-    difference,
-    measures_of,
-    seed_variation,
-    seeds_of,
-)
+from fpputil.experiments.statistics import MEASURES, Interval, seeds_of
 from fpputil.notebook import Table
 
 PAPER = {
@@ -63,28 +57,14 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a table.
-
-    Parameters
-    ----------
-    label, name : str
-        In the table, and of its run.
-    seeds : int
-        How many runs it is the mean of.
-    measures : dict
-        Each of `MEASURES` that it has.
-    difference : Interval or None
-        MAE in radians above that of the row of SFNet.
-    paper : tuple or None
-        What the paper prints.
-    """
+    """A row of a table."""
 
     label: str
-    name: str
-    seeds: int
-    measures: dict[str, Interval]
-    difference: Interval | None
-    paper: tuple[float, ...] | None
+    name: str  # of its run
+    seeds: int  # how many runs it is the mean of
+    measures: dict[str, Interval]  # each of `MEASURES` that it has
+    difference: Interval | None  # MAE in radians above that of the row of SFNet
+    paper: tuple[float, ...] | None  # what the paper prints
 
     @property
     def line(self) -> str:
@@ -93,43 +73,29 @@ class Row:
 
 
 def table(number: int | str, runs: Mapping, seeded: Mapping | None = None) -> list[Row]:
-    """Rows of a table whose runs are finished; Tables 3 and 4 over all seeds, the others seed 0.
+    """Rows of a table, 3 to 6 or "ours", whose runs are finished.
 
-    Parameters
-    ----------
-    number : int or str
-        3 to 6, or "ours".
-    runs : mapping of str to Run
-    seeded : mapping, optional
-        Runs of another preset, from whose seeds to tell how far a seed moves a measure; by
-        default from those of `runs`.
-
-    Raises
-    ------
-    ValueError
-        If there is no such table.
+    Tables 3 and 4 are means over all seeds, the others of seed 0. How far a seed moves a measure
+    is told from the runs of `seeded`, by default from `runs`.
     """
     if number not in ROWS:
         raise ValueError(f"table {number!r} given; the tables are {', '.join(map(str, ROWS))}")
     several, rows = number in (3, 4), []
     reference = seeds_of("sfnet", runs, several)
-    spreads = {measure: seed_variation(seeded or runs, measure) for measure in MEASURES}
+    spreads = {m: statistics.seed_variation(seeded or runs, m) for m in MEASURES}
     for label, name in ROWS[number].items():
         if row := seeds_of(name, runs, several):
-            apart = difference(row, reference, spreads) if reference and name != "sfnet" else None
-            paper = PAPER[number].get(label)
-            rows.append(Row(label, name, len(row), measures_of(row, spreads), apart, paper))
+            pair = reference and name != "sfnet"
+            apart = statistics.difference(row, reference, spreads) if pair else None
+            measures = statistics.measures_of(row, spreads)
+            rows.append(Row(label, name, len(row), measures, apart, PAPER[number].get(label)))
     return rows
 
 
 def as_table(rows: Sequence[Row], control: Mapping | None = None) -> Table:
     """Ours with half its interval, the paper's values below, row by row.
 
-    Parameters
-    ----------
-    rows : sequence of Row
-    control : mapping, optional
-        Measures of phi_h of SFNet alone, as ``run.alone.measures`` has them.
+    At the end the control: measures of phi_h of SFNet alone, as ``run.alone.measures`` has them.
     """
     lines = []
     for row in rows:
