@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import torch
 from scipy.ndimage import grey_closing, grey_opening
 
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
-from fpputil.learning.devices import PRECISIONS, device_of, precision_of
-from fpputil.learning.evaluation import predict_batch
+from fpputil.learning.evaluation import moved, predict_batch
 from fpputil.learning.weights import Trained
 from fpputil.networks.geometry import Geometry
-from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import Pitches, System
 
@@ -39,7 +36,7 @@ class CheckedPhotographs:
 
     @property
     def pitches(self) -> Pitches:
-        """Pitches that the network was trained for."""
+        """Those that the network was trained for."""
         return Pitches(**self.metadata["pitches"])
 
     @property
@@ -138,15 +135,11 @@ def predict(
 ) -> DepthPrediction:
     """Phases, depth and points; ValueError if none is in the measuring range. Chapter 8."""
     system, mask = photographs.system, fringes_seen(photographs)
-    device = device_of(device)
-    precision = precision_of(precision, device)
-    network = trained.network.to(device, memory_format=torch.channels_last)
-    if precision != "float32":
-        network = lowered(network, PRECISIONS[precision])
+    trained, device, precision = moved(trained, device, precision)
     pitches, (low, high) = photographs.pitches, photographs.metadata["extremes"]
     geometry = Geometry.of(system, pitches, (low, high)).to(device)
     frames = (photographs.frames - low) / (high - low)
-    (phases,) = predict_batch(replace(trained, network=network), frames[None], geometry, precision)
+    (phases,) = predict_batch(trained, frames[None], geometry, precision)
     maps = (phases.phi_h, np.nan if phases.phi_r is None else phases.phi_r, phases.Phi)
     phi_h, phi_r, Phi = (np.where(mask, phase, np.nan) for phase in maps)
     points = triangulate(i := column(Phi, pitches.high), system)
