@@ -106,12 +106,8 @@ def import_folder(
     its ``object`` (scenes of one object stay in one split) and its ``split``. Without that every
     folder is a scene of an object of its own, and objects are divided 8:1:1.
 
-    Returns the manifest. A scene that cannot be used is skipped, and its record says why.
-
-    Raises
-    ------
-    ValueError
-        If ``scenes.json`` is missing or not whole, the folder holds no scene, or none can be used.
+    Returns the manifest. A scene that cannot be used is skipped, and its record says why; it is a
+    ValueError if none can, or ``scenes.json`` is missing or not whole.
     """
     folder, index = Path(folder), _read_index(Path(folder))
     system, pitches, steps = system_from_dict(index["system"]), index["pitches"], index["steps"]

@@ -162,8 +162,6 @@ def thingi10k(
 
     Raises
     ------
-    ImportError
-        If the package is not installed.
     RuntimeError
         If the cache lacks something and ``download`` is False, or the download fails.
 

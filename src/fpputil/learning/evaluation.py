@@ -60,7 +60,6 @@ def predict_batch(
 
     Parameters
     ----------
-    trained : Trained
     frames : (B, F, H, W) tensor or array
         Photographs, 0 to 1 by the extremes the network was trained with.
     geometry : Geometry
@@ -89,10 +88,7 @@ def open_split(
 ) -> SynthFringe:
     """A split of a dataset as the network wants its photographs; options as of `SynthFringe`.
 
-    Raises
-    ------
-    ValueError
-        If camera or pitches are not those the network was trained for, or it does not say.
+    ValueError if camera or pitches are not those the network was trained for, or it does not say.
     """
     lacking = [k for k in ("pitches", "camera", "extremes") if k not in trained.metadata]
     if lacking:
@@ -143,13 +139,10 @@ def evaluate(
     views: Sequence[int] | None = None,
     **how,
 ) -> tuple[Score, Score]:
-    """Scores over a split: of the network, and of its phi_h without its phi_r.
+    """Scores over a split of `open_split`: of the network, and of its phi_h without its phi_r.
 
     Parameters
     ----------
-    trained : Trained
-    data : SynthFringe
-        From `open_split`.
     each : callable, optional
         Given every item and the `Prediction` of it.
     truth : SynthFringe, optional

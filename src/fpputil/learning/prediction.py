@@ -44,10 +44,11 @@ class CheckedPhotographs:
         """Along which the columns change most: 1, the rows of the camera, or 0."""
         return int(np.argmax([np.nanmedian(np.abs(g)) for g in np.gradient(self.columns)]))
 
-    def period(self, name: str) -> float:
-        """Camera pixels of a period of a frequency, the median of the plane."""
+    @property
+    def period(self) -> float:
+        """Camera pixels of a period of the high pitch, the median of the plane."""
         slopes = np.abs(np.gradient(self.columns, axis=self.axis))
-        return float(getattr(self.pitches, name) / np.nanmedian(slopes))
+        return float(self.pitches.high / np.nanmedian(slopes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +125,7 @@ def fringes_seen(photographs: CheckedPhotographs) -> np.ndarray:
     """
     high = [k for k, name in enumerate(photographs.names) if name == "high"]
     size = [1, 1]
-    size[photographs.axis] = 2 * int(0.625 * photographs.period("high")) + 1
+    size[photographs.axis] = 2 * int(0.625 * photographs.period) + 1
     crests = grey_closing(photographs.frames.max(axis=0), size=size)
     troughs = grey_opening(photographs.frames[high].min(axis=0), size=size)
     return (crests - troughs) / 2 > THRESHOLD
@@ -165,11 +166,10 @@ def warnings(photographs: CheckedPhotographs) -> list[str]:
 def _odd_size(photographs) -> Iterator[str]:
     (height, width), (rows, columns) = photographs.columns.shape, photographs.metadata["camera"]
     if (height, width) != (rows, columns):
-        period = photographs.period("high")
         yield (
             f"photographs of {width} x {height} pixels; the network was trained with {columns} x "
-            f"{rows}. A period has {period:.1f} pixels; in the same field of view it had "
-            f"{period * columns / width:.1f}"
+            f"{rows}. A period has {photographs.period:.1f} pixels; in the same field of view it "
+            f"had {photographs.period * columns / width:.1f}"
         )
 
 

@@ -45,13 +45,7 @@ def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> Non
 
 
 def load_weights(path: str | Path) -> Trained:
-    """The network written by `save_weights`.
-
-    Raises
-    ------
-    ValueError
-        If the file is cut, is not ours, or does not fit the method it names.
-    """
+    """The network of `save_weights`; an error if the file is cut, not ours, or does not fit."""
     path = _name(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such file of weights")
