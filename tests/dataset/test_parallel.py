@@ -63,6 +63,24 @@ def touch_or_fail(n, folder):
     (Path(folder) / str(n)).touch()
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no kill -9")
+def test_workers_end_with_a_killed_parent():
+    script = (
+        "import os, time; from fpputil.dataset import parallel\n"
+        "if __name__ == '__main__':\n"
+        "    with parallel.executor(2) as pool:\n"
+        "        for pid in parallel.run(os.getppid, [()] * 4, pool): assert pid == os.getpid()\n"
+        "        print('ready', flush=True); time.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as parent:
+        assert parent.stdout.readline() == b"ready\n"
+        workers = psutil.Process(parent.pid).children(recursive=True)
+        parent.kill()
+    assert len(workers) >= 2
+    assert not psutil.wait_procs(workers, timeout=10)[1]
+
+
 def test_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(RuntimeError, match="Dask is missing: pip install"):

@@ -44,15 +44,7 @@ class Augmentation:
 
 
 def textured(view: View, contrast: float, seed) -> View:
-    """A view whose surface has dark blotches on it.
-
-    Parameters
-    ----------
-    view : View
-    contrast : float
-        By how much, 0 to 1, a blotch is darker than the rest.
-    seed : int or sequence of int
-    """
+    """A view whose surface has blotches on it, by a share `contrast` darker than the rest."""
     noise = np.random.default_rng(seed).standard_normal(view.mask.shape)
     blotches = gaussian_filter(noise, view.mask.shape[1] / BLOTCHES) > 0
     return replace(view, shade=view.shade * (1 - contrast * blotches).astype(np.float32))

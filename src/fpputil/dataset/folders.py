@@ -33,7 +33,7 @@ AT_ONCE = 12  # scenes that a worker holds in memory
 def export_folder(
     path: str | Path, folder: str | Path, split: str | None = None, noise: float = 0.0
 ) -> int:
-    """Write photographs of a dataset as PNG files, four frequencies of 15 steps a scene.
+    """Write photographs of a dataset as PNG files, 15 steps of each frequency; number of scenes.
 
     Parameters
     ----------
@@ -45,11 +45,6 @@ def export_folder(
         Of this split alone.
     noise : float
         Read noise, grey levels, with the seed of each view; none for an imported dataset.
-
-    Returns
-    -------
-    int
-        Number of scenes.
     """
     data, folder = open_store(path), Path(folder)
     splits = [split] if split else data.splits()
@@ -111,18 +106,10 @@ def import_folder(
     its ``object`` (scenes of one object stay in one split) and its ``split``. Without that every
     folder is a scene of an object of its own, and objects are divided 8:1:1.
 
-    Returns
-    -------
-    dict
-        The manifest. A scene that cannot be used is skipped, and its record says why.
-
-    Raises
-    ------
-    ValueError
-        If ``scenes.json`` is missing or not whole, the folder holds no scene, or none can be used.
+    Returns the manifest. A scene that cannot be used is skipped, and its record says why; it is a
+    ValueError if none can, or ``scenes.json`` is missing or not whole.
     """
-    folder = Path(folder)
-    index = _read_index(folder)
+    folder, index = Path(folder), _read_index(Path(folder))
     system, pitches, steps = system_from_dict(index["system"]), index["pitches"], index["steps"]
     minimum_phase(system, pitches["zmin"])  # raises where the range is too long for the method
     models = _models(folder, _objects(folder, index.get("scenes")), seed)
@@ -178,17 +165,14 @@ def _models(folder: Path, objects: dict, seed: int) -> list[dict]:
         for first in range(0, len(scenes), AT_ONCE):
             group = scenes[first : first + AT_ONCE]
             part = f"{name} ({first // AT_ONCE + 1})" if len(scenes) > AT_ONCE else name
-            sha256 = layout.digest("".join(_photographs_digest(folder / s) for s in group).encode())
+            # Changed photographs are another dataset.
+            files = [sorted((folder / scene).glob("*.png")) for scene in group]
+            lines = ["".join(f.name + layout.digest(f.read_bytes()) for f in fs) for fs in files]
+            sha256 = layout.digest("".join(layout.digest(s.encode()) for s in lines).encode())
             models.append(
                 {"name": part, "scenes": group, "split": named or split, "sha256": sha256}
             )
     return models
-
-
-def _photographs_digest(scene: Path) -> str:
-    """Digest of a scene's names and bytes, so that changed photographs are another dataset."""
-    files = sorted(scene.glob("*.png"))
-    return layout.digest("".join(f.name + layout.digest(f.read_bytes()) for f in files).encode())
 
 
 def import_scenes(shared: dict, model: dict, number: int, root: str) -> tuple[dict, dict]:
@@ -212,8 +196,7 @@ def _read_scene(folder: Path, shared: dict) -> np.ndarray:
     camera = shared["system"]["camera"]
     size = camera["height"], camera["width"]
     names = _names(f["steps"] for f in shared["frames"])
-    missing = [n for n in names if not (folder / n).is_file()]
-    if missing:
+    if missing := [n for n in names if not (folder / n).is_file()]:
         raise ValueError(f"{len(missing)} of {len(names)} photographs are missing: {missing[:3]}")
     frames = [read_photograph(folder / name) for name in names]
     for name, frame in zip(names, frames, strict=True):

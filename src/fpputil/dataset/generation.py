@@ -34,8 +34,7 @@ POSES = [(y, z) for y in range(0, 360, 60) for z in range(0, 360, 60)]
 """The paper's 36 poses: degrees about y and about z."""
 
 ALBEDO = 0.9
-RECORDS = "records"
-"""Folder of the finished models' records, until the manifest takes them in."""
+RECORDS = "records"  # folder of the finished models' records, until the manifest takes them in
 
 _PACKAGES = ("fpputil", "numpy", "zarr", "numcodecs", "embreex", "manifold3d", "trimesh")
 _DECODERS = ("opencv-python-headless", "numba")
@@ -79,10 +78,10 @@ def generate(
         Processes; 1 works in this one. A script that asks for more needs the usual
         ``if __name__ == "__main__":``.
     scheduler : str, optional
-        Address of a Dask scheduler; its workers then do the work and must see `out` under the
-        same path.
+        Address of a Dask scheduler, as ``tcp://host:8786``; its workers then do the work and must
+        see `out` under the same path.
     progress : bool
-        Show a bar with rate and time left.
+        Show a bar.
 
     Returns
     -------
@@ -92,12 +91,9 @@ def generate(
     Raises
     ------
     ValueError
-        If a parameter is out of range, `out` holds something else or another dataset, or no
-        model could be used.
+        If `out` holds something else or another dataset, or no model could be used.
     RuntimeError
         If another process generates into `out`, or a worker was ended from outside.
-    OSError
-        If a file cannot be written. What is finished stays, and the same call goes on.
 
     Examples
     --------
@@ -108,17 +104,16 @@ def generate(
     return fill(out, plan, see_model, root, workers, scheduler, progress)
 
 
-# What to make
-
-
 def plan_of(preset_name, models, held_out, views, seed, size) -> dict:
     """Plan of a dataset of a preset's views; parameters and errors as for `generate`."""
     chosen = preset(preset_name)
     whole("views", views, 1)
     if views > len(POSES):
         raise ValueError(f"{views} views given; the paper turns each model into {len(POSES)} poses")
-    largest = _largest_ball(chosen.system)
-    if positive("size", size, "mm") > largest:
+    camera, z = chosen.system.camera, CENTRE[2]
+    slope = min(camera.width / camera.K[0, 0], camera.height / camera.K[1, 1]) / 2
+    room = z - chosen.system.z_min, chosen.system.z_max - z, z * np.sin(np.arctan(slope))
+    if positive("size", size, "mm") > (largest := 2 * min(room)):
         raise ValueError(
             f"size {size} mm given; a ball of more than {largest:.0f} mm does not fit in the "
             "camera's view and the measuring range"
@@ -131,28 +126,11 @@ def plan_of(preset_name, models, held_out, views, seed, size) -> dict:
     return new_plan(settings, chosen.system, chosen.pitches._asdict(), entries)
 
 
-def _largest_ball(system: System) -> float:
-    """Diameter, mm, of the largest ball about `CENTRE` in view and measuring range."""
-    camera, z = system.camera, CENTRE[2]
-    slope = min(camera.width / camera.K[0, 0], camera.height / camera.K[1, 1]) / 2
-    return 2 * min(z - system.z_min, system.z_max - z, z * np.sin(np.arctan(slope)))
-
-
 def new_plan(settings: dict, system: System, pitches: dict, models: list[dict], frames=()) -> dict:
     """All that decides the content of a dataset, as its manifest begins.
 
-    Parameters
-    ----------
-    settings : dict
-        What else decides it; at least ``views``, the views of each model.
-    system : System
-        Of all views.
-    pitches : dict
-        Pitch of the frequencies high, mid, zmin and unit.
-    models : list of dict
-        Name and split of each model, and whatever its maker needs.
-    frames : sequence of dict
-        Pitch and steps of stored photographs.
+    `settings` hold at least ``views``, of each model; `models` name, split and whatever their
+    maker needs; `frames` pitch and steps of stored photographs.
     """
     names = [m["name"] for m in models]
     if len(set(names)) < len(names):
@@ -188,9 +166,6 @@ def split_by_model(number: int, seed: int) -> list[str]:
     return names.tolist()
 
 
-# One model
-
-
 def see_model(shared: dict, model: dict, number: int, root: str | None) -> tuple[dict, dict]:
     """Record of a model, and its arrays (V, H, W) by name: all its poses, or why there are none."""
     system, settings = system_from_dict(shared["system"]), shared["settings"]
@@ -220,14 +195,11 @@ def poses_of(settings: dict, number: int) -> dict[str, list]:
     return {"pose": [list(POSES[k]) for k in drawn], "noise_seed": seeds}
 
 
-def turned(system: System, R: np.ndarray, centre=CENTRE) -> System:
-    """The system moved round a model that stays, so that it looks turned by R about `centre`.
-
-    A tree of the model then serves all poses.
-    """
+def turned(system: System, R: np.ndarray) -> System:
+    """The system moved round a model that stays, whose tree serves all poses: it looks turned."""
 
     def moved(pinhole: Pinhole) -> Pinhole:
-        c = np.asarray(centre)
+        c = np.asarray(CENTRE)
         return replace(pinhole, R=pinhole.R @ R, t=pinhole.t + pinhole.R @ (c - R @ c))
 
     return replace(system, camera=moved(system.camera), projector=moved(system.projector))
@@ -236,9 +208,6 @@ def turned(system: System, R: np.ndarray, centre=CENTRE) -> System:
 def portable(error: Exception, root: str | None) -> str:
     """An error's message without the folder, which differs from one machine to the next."""
     return str(error).replace(f"{root}/", "").replace(str(root), ".") if root else str(error)
-
-
-# Make what is missing
 
 
 def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=False) -> dict:
@@ -262,11 +231,8 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
             layout.put(out, {layout.MANIFEST: layout.dumps(plan)})
             manifest = None
         layout.put(out, layout.metadata_files(plan))
-        jobs = [
-            (make, str(out), shared, model, number, root)
-            for number, model in enumerate(models)
-            if number not in records
-        ]
+        missing = (number for number in range(len(models)) if number not in records)
+        jobs = [(make, str(out), shared, models[n], n, root) for n in missing]
         start = {"initial": len(records) * views, "unit": "view", "disable": not progress}
         with tqdm(total=len(models) * views, **start) as bar:
             for number, record in parallel.run(make_model, jobs, pool):
@@ -310,11 +276,8 @@ def _finished(out: Path, plan: dict) -> tuple[dict | None, dict[int, dict]]:
     records = {}
     for number in range(len(plan["models"])):
         with suppress(OSError, LookupError, TypeError, AttributeError, ValueError):  # none, damaged
-            record = (
-                manifest["records"][number]
-                if "records" in manifest
-                else json.loads((out / _record(number)).read_bytes())
-            )
+            record = manifest["records"][number] if "records" in manifest else None
+            record = record or json.loads((out / _record(number)).read_bytes())
             if not faults(out, plan, number, record):
                 records[number] = record
     return manifest if manifest.get("complete") else None, records
@@ -329,11 +292,8 @@ def faults(path: Path, manifest: dict, number: int, record: dict) -> list[str]:
     facts = layout.lit_and_white(stacks, manifest["settings"]["least"])
     if "pose" in record:
         facts |= poses_of(manifest["settings"], number)
-    return [
-        f"{layout.MANIFEST}: {name} of model {number} is not as it was written"
-        for name in facts
-        if record[name] != facts[name]
-    ]
+    changed = (name for name in facts if record[name] != facts[name])
+    return [f"{layout.MANIFEST}: {n} of model {number} is not as it was written" for n in changed]
 
 
 def _change(there: dict, here: dict, key: str) -> str:
@@ -348,13 +308,8 @@ def _record(number: int) -> str:
     return f"{RECORDS}/{number:06d}.json"
 
 
-def make_model(
-    make, out: str, shared: dict, model: dict, number: int, root: str | None
-) -> tuple[int, dict]:
-    """Make a model, write its shards, then the record that says so; number and record.
-
-    Runs on a worker, which may be another machine.
-    """
+def make_model(make, out: str, shared: dict, model: dict, number: int, root: str | None):
+    """Make a model on a worker, write its shards, then its record; number and record."""
     folder = Path(out)
     if not (folder / layout.MANIFEST).is_file():
         raise RuntimeError(f"worker {gethostname()} does not see {out}; all workers must")

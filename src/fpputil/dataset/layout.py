@@ -28,9 +28,7 @@ PLAN = ("settings", "system", "pitches", "frames", "models")
 """Entries of a manifest that decide what the dataset holds."""
 
 SPLITS = ("training", "validation", "test", "held-out")
-
 NO_CHUNK = 2**64 - 1  # Zarr's mark of an empty chunk
-
 blosc.use_threads = False  # pictures are small, and threads do not survive the fork of a worker
 
 KINDS = {"column": "float32", "shade": "float16", "depth": "float32", "mask": "bool"}
@@ -55,29 +53,18 @@ def put(path: Path, files: dict[str, bytes]) -> None:
         write_whole(path / name, data)
 
 
-def array_kinds(manifest: dict) -> dict[str, str]:
-    """Names and types of a dataset's arrays; photographs are there if they were imported."""
-    return KINDS | ({"frames": "uint8"} if manifest["frames"] else {})
-
-
-def array_shapes(manifest: dict) -> dict[str, tuple[int, ...]]:
-    """(models, views, [photographs,] H, W) of each array."""
+def arrays(manifest: dict) -> dict[str, tuple[str, float, tuple[int, ...]]]:
+    """Type, value of an empty pixel and (models, views, [photographs,] H, W) of each array."""
     camera, settings = manifest["system"]["camera"], manifest["settings"]
-    views = settings["models"], settings["views"]
-    photographs = {"frames": (sum(f["steps"] for f in manifest["frames"]),)}
-    image = camera["height"], camera["width"]
-    return {k: (*views, *photographs.get(k, ()), *image) for k in array_kinds(manifest)}
-
-
-def empty(dtype: str) -> float:
-    """What a pixel without anything to see holds."""
-    return np.nan if dtype == "float32" else 0
+    views, image = (settings["models"], settings["views"]), (camera["height"], camera["width"])
+    number = sum(f["steps"] for f in manifest["frames"])  # of photographs, if they were imported
+    kinds = {k: (t, np.nan if t == "float32" else 0, views + image) for k, t in KINDS.items()}
+    return kinds | ({"frames": ("uint8", 0, (*views, number, *image))} if number else {})
 
 
 def empty_stacks(manifest: dict) -> dict[str, np.ndarray]:
     """Arrays (V, ...) of one model without anything to see."""
-    shapes, kinds = array_shapes(manifest), array_kinds(manifest)
-    return {k: np.full(shapes[k][1:], empty(kind), kind) for k, kind in kinds.items()}
+    return {k: np.full(shape[1:], empty, t) for k, (t, empty, shape) in arrays(manifest).items()}
 
 
 def view_files(manifest: dict, at: int, stacks: dict[str, np.ndarray]) -> dict[str, bytes]:
@@ -88,8 +75,8 @@ def view_files(manifest: dict, at: int, stacks: dict[str, np.ndarray]) -> dict[s
 def metadata_files(manifest: dict) -> dict[str, bytes]:
     """The arrays' metadata, path to content, so that any Zarr reader finds them."""
     group = {"zarr_format": 3, "node_type": "group", "attributes": {}}
-    arrays = {k: v for name in array_kinds(manifest) for k, v in _array(manifest, name).items()}
-    return {"zarr.json": dumps(group), **arrays}
+    files = {k: v for name in arrays(manifest) for k, v in _array(manifest, name).items()}
+    return {"zarr.json": dumps(group), **files}
 
 
 def _array(manifest: dict, name: str, at: int = 0, values=None) -> dict[str, bytes]:
@@ -97,8 +84,7 @@ def _array(manifest: dict, name: str, at: int = 0, values=None) -> dict[str, byt
 
     A shard of nothing but empty pixels has no file.
     """
-    models, views, *rest = array_shapes(manifest)[name]
-    dtype = array_kinds(manifest)[name]
+    dtype, empty, (models, views, *rest) = arrays(manifest)[name]
     files = {}
     array = zarr.create_array(
         MemoryStore(files),
@@ -107,7 +93,7 @@ def _array(manifest: dict, name: str, at: int = 0, values=None) -> dict[str, byt
         shards=(views, *rest),
         chunks=(1, *rest),
         dtype=dtype,
-        fill_value=empty(dtype),
+        fill_value=empty,
         compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
         dimension_names=("view", "v", "u") if len(rest) == 2 else ("view", "frame", "v", "u"),
     )
@@ -118,15 +104,10 @@ def _array(manifest: dict, name: str, at: int = 0, values=None) -> dict[str, byt
 
 
 def read_chunk(file: Path, views: int, view: int) -> bytes | None:
-    """One view out of a shard: None if it has nothing to see.
+    """One view out of a shard: None if it has nothing to see; an error if the shard is damaged.
 
     Zarr's sharding codec ends a shard with the offset and size of every chunk, and a CRC. The
     Zarr library takes 3 ms to come to a chunk, ten times what is in it; a test holds both equal.
-
-    Raises
-    ------
-    OSError, ValueError, RuntimeError
-        If the shard is missing or damaged.
     """
     with file.open("rb") as shard:
         shard.seek(-(16 * views + 4), 2)
@@ -153,7 +134,7 @@ def read_stacks(path: Path, manifest: dict, number: int, names) -> dict[str, np.
 
 def shard_file(path: Path, name: str, number: int, axes: int) -> Path:
     """File of the shard of model `number` of an array whose views have so many axes."""
-    return path / name / "c" / "/".join([str(number)] + ["0"] * axes)
+    return path.joinpath(name, "c", str(number), *["0"] * axes)
 
 
 def _checked(data: bytes) -> np.ndarray:
@@ -180,13 +161,12 @@ def wrong_shards(path: Path, record: dict) -> list[str]:
     for name, shard in record["shards"].items():
         try:
             data = (path / name).read_bytes()
+            if (digest(data), len(data)) != (shard["sha256"], shard["bytes"]):
+                wrong.append(f"{name}: not as it was written")
         except FileNotFoundError:
             wrong.append(f"{name}: missing")
         except OSError as error:
             wrong.append(f"{name}: cannot be read ({error.strerror})")
-        else:
-            if (digest(data), len(data)) != (shard["sha256"], shard["bytes"]):
-                wrong.append(f"{name}: not as it was written")
     return wrong
 
 
@@ -198,27 +178,19 @@ def content(records: Sequence[dict]) -> str:
 
 def plan_name(manifest: dict) -> str:
     """SHA-256 of what decides the content of a dataset, numbers to nine decimals."""
-    return digest(dumps(_rounded({name: manifest[name] for name in PLAN})))
 
+    def rounded(value):
+        if isinstance(value, dict):
+            return {name: rounded(entry) for name, entry in value.items()}
+        if isinstance(value, list | tuple):
+            return [rounded(entry) for entry in value]
+        return round(value, 9) + 0.0 if isinstance(value, float) else value
 
-def _rounded(value):
-    if isinstance(value, dict):
-        return {name: _rounded(entry) for name, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(entry) for entry in value]
-    return round(value, 9) + 0.0 if isinstance(value, float) else value
+    return digest(dumps(rounded({name: manifest[name] for name in PLAN})))
 
 
 def read_manifest(path: str | Path) -> dict:
-    """Manifest of a dataset, finished or not.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the folder does not exist.
-    ValueError
-        If it holds no dataset, a damaged manifest, or a newer format than this library reads.
-    """
+    """Manifest of a dataset, finished or not; an error if it is none, damaged, or too new."""
     path = Path(path)
     if not path.is_dir():
         raise FileNotFoundError(f"{path} given; there is no such folder, a dataset is one")

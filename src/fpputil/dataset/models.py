@@ -19,15 +19,10 @@ HELD_OUT = ("camshaft", "fan", "lattice")
 """Families of parts that only the held-out split has."""
 
 MAX_BYTES = 150_000_000
-"""Size of the largest file that is loaded. A text STL file takes 7 bytes of memory for each of its
-own, 1.06 GB for 145 MB and 500,000 faces; a binary one of that size holds 3 million faces."""
+"""Size of the largest file that is loaded: 7 bytes of memory for each of a text STL file."""
 
-MAX_FACES = 1_000_000
-"""Faces of the largest model that is used, counted once it is loaded. To read, place and build the
-tree of a binary STL file of that many takes 0.84 GB, of two million 1.56 GB."""
-
-MAX_VERTICES = 1_500_000
-"""Vertices of the largest model, three times those of a closed surface of `MAX_FACES`."""
+MAX_FACES, MAX_VERTICES = 1_000_000, 1_500_000
+"""Of the largest model that is used: its binary STL file, placed, with its tree, takes 0.84 GB."""
 
 
 @dataclass(frozen=True)
@@ -38,15 +33,11 @@ class Model:
     ----------
     name : str
         Unique within a dataset: ``part-00012``, ``gears/wheel.stl``, ``thingi10k-34783``.
-    family : str
-        Family of a part, one of `fpputil.optics.parts.FAMILIES`; empty for a file.
-    seed : int
-        Seed of a part; -1 for a file.
-    path : str
-        File below its root folder, with forward slashes; empty for a part.
-    sha256 : str
-        Digest of the bytes of the file, in hexadecimal; empty for a part. A glTF file keeps its
-        arrays in files of their own, which are not counted in.
+    family, seed
+        Of a part, one of `fpputil.optics.parts.FAMILIES`; empty and -1 for a file.
+    path, sha256 : str
+        File below its root folder, with forward slashes, and digest of its bytes (of glTF without
+        the arrays in files of their own); empty for a part.
     """
 
     name: str
@@ -59,7 +50,7 @@ class Model:
 def parts(
     number: int, families: Iterable[str] | str | None = None, first: int = 0
 ) -> tuple[Model, ...]:
-    """Machine parts, their seeds counting up. Chapter 7.
+    """Machine parts, their seeds counting up from `first`. Chapter 7.
 
     Parameters
     ----------
@@ -67,13 +58,6 @@ def parts(
         How many, 1 or more.
     families : iterable of str, optional
         Seeds that draw another family are passed over; None takes all.
-    first : int
-        Seed to begin with.
-
-    Raises
-    ------
-    ValueError
-        If a family is unknown or none is given, or ``number`` or ``first`` is out of range.
 
     Examples
     --------
@@ -89,10 +73,8 @@ def parts(
             "are needed"
         )
     drawn = ((seed, family_of(seed)) for seed in count(first))
-    kept = ((seed, family) for seed, family in drawn if family in wanted)
-    return tuple(
-        Model(f"part-{seed:05d}", family, seed, "", "") for seed, family in islice(kept, number)
-    )
+    kept = islice(((seed, family) for seed, family in drawn if family in wanted), number)
+    return tuple(Model(f"part-{seed:05d}", family, seed, "", "") for seed, family in kept)
 
 
 def seeded_models(
@@ -106,12 +88,6 @@ def seeded_models(
         Parts of the common families.
     held_out : int, optional
         Parts of the families held out; None takes a tenth of ``number``.
-    seed : int
-        Another seed draws other parts.
-
-    Returns
-    -------
-    models, held_out : tuples of Model
 
     Examples
     --------
@@ -138,22 +114,14 @@ def mesh_folder(
     Parameters
     ----------
     root : path
-        The folder.
     number : int, optional
-        The first so many; None takes all.
+        The first so many; None takes all. It is an error if there are fewer.
 
     Returns
     -------
     models : tuple of Model
     notes : tuple of str
         What was left out and why, a line each.
-
-    Raises
-    ------
-    NotADirectoryError
-        If there is no such folder.
-    ValueError
-        If it has no mesh files, or fewer different ones than ``number``.
 
     Examples
     --------
@@ -180,7 +148,7 @@ def thingi10k(
     number : int, optional
         The first so many; None takes all.
     cache : path, optional
-        The ``cache_dir`` of the package; None is the package's own default.
+        The ``cache_dir`` of the package.
     download : bool
         Let the package download, some gigabytes, what its cache lacks. Without it the package is
         loaded off line, and stays so as long as the process lives.
@@ -189,18 +157,13 @@ def thingi10k(
     -------
     root : Path
         Folder of the files.
-    models : tuple of Model
-    notes : tuple of str
-        What was left out and why, a line each.
+    models, notes
+        As of `mesh_folder`.
 
     Raises
     ------
-    ImportError
-        If the package is not installed.
     RuntimeError
         If the cache lacks something and ``download`` is False, or the download fails.
-    ValueError
-        If ``number`` is more than there are.
 
     Examples
     --------
@@ -265,7 +228,6 @@ def load_model(
     Parameters
     ----------
     model : Model
-        Out of a list above.
     root : path, optional
         The folder a file was listed from; a part needs none.
 
@@ -277,11 +239,9 @@ def load_model(
 
     Raises
     ------
-    FileNotFoundError
-        If the file is gone.
-    ValueError
-        If the model is to be passed over: its file cannot be read, has changed since it was
-        listed or is larger than `MAX_BYTES`; or the mesh has more than `MAX_FACES` faces or
+    FileNotFoundError, ValueError
+        If the model is to be passed over: its file is gone, cannot be read, has changed since it
+        was listed or is larger than `MAX_BYTES`; or the mesh has more than `MAX_FACES` faces or
         `MAX_VERTICES` vertices, no faces, vertices that are not finite, or all in one point.
 
     Examples
@@ -303,11 +263,8 @@ def load_model(
     if _digest(path) != model.sha256:
         raise ValueError(f"{path} has changed since it was listed; list its folder anew")
     mesh = load_mesh(path)
-    for what, number, most in (
-        ("faces", len(mesh.faces), MAX_FACES),
-        ("vertices", len(mesh.vertices), MAX_VERTICES),
-    ):
-        if number > most:
+    for what, most in (("faces", MAX_FACES), ("vertices", MAX_VERTICES)):
+        if (number := len(getattr(mesh, what))) > most:
             raise ValueError(f"{path} has {number:,} {what}; at most {most:,} fit into memory")
     if not mesh.extents.any():
         raise ValueError(f"{path} has all its vertices in one point; a mesh needs an extent")

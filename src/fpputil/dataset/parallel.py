@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import threading
@@ -9,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 
 from fpputil.checks import whole
 
@@ -44,20 +45,8 @@ def executor(
 ) -> AbstractContextManager[Executor | None]:
     """What `run` works with: nothing for one worker, processes, or the workers of a Dask scheduler.
 
-    Parameters
-    ----------
-    workers : int
-        Processes; 1 works in this one.
-    scheduler : str, optional
-        Address of a Dask scheduler, as in "tcp://host:8786". Its workers do the work instead,
-        and a job whose worker dies goes to another.
-
-    Raises
-    ------
-    ValueError
-        If there are no workers, or the address is none.
-    RuntimeError
-        Inside: if a worker was ended from outside, or the scheduler cannot be reached or goes away.
+    A scheduler has an address like "tcp://host:8786"; a job whose worker dies goes to another. It
+    is a RuntimeError, inside, if processes are ended from outside or the scheduler goes away.
     """
     whole("workers", workers, 1)
     if scheduler is None:
@@ -69,12 +58,21 @@ def executor(
     return _cluster(scheduler)
 
 
+def _begin_worker() -> None:
+    # Ctrl-C reaches every process of a terminal; the first alone answers it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent_process().join()  # ended, perhaps by kill -9: nobody else would end this worker
+    os._exit(1)
+
+
 @contextmanager
 def _processes(workers: int) -> Iterator[Executor]:
     # Spawned, not forked: Embree, BLAS and Zarr have threads that a fork would cut in half.
-    # Ctrl-C reaches every process of a terminal; the first alone answers it.
-    quiet = signal.signal, (signal.SIGINT, signal.SIG_IGN)
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), *quiet)
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker)
     try:
         yield pool
     except BrokenProcessPool:
@@ -83,7 +81,7 @@ def _processes(workers: int) -> Iterator[Executor]:
         ) from None
     finally:  # a second Ctrl-C must not cut the end short: workers would wait for ever
         main = threading.current_thread() is threading.main_thread()
-        before = signal.signal(*quiet[1]) if main else None
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None
         pool.shutdown(cancel_futures=True)
         if main:
             signal.signal(signal.SIGINT, before)

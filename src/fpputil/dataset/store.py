@@ -17,15 +17,7 @@ from fpputil.optics.view import View
 
 @dataclass(frozen=True, eq=False)
 class Store:
-    """A finished dataset, read view by view.
-
-    Parameters
-    ----------
-    path : Path
-        Its folder.
-    manifest : dict
-        As `read_manifest` gives it.
-    """
+    """A finished dataset, read view by view: its folder, and its manifest."""
 
     path: Path
     manifest: dict
@@ -85,30 +77,22 @@ class Store:
 
     def array(self, name: str, index: int) -> np.ndarray:
         """One array of one view, (H, W) or for "frames" (F, H, W)."""
-        views, *shape = layout.array_shapes(self.manifest)[name][1:]
-        dtype = np.dtype(layout.array_kinds(self.manifest)[name])
+        dtype, empty, (_, views, *shape) = layout.arrays(self.manifest)[name]
         model, view = self._place(index)
+        file = layout.shard_file(self.path, name, model, len(shape))
         try:
-            data = layout.read_chunk(
-                layout.shard_file(self.path, name, model, len(shape)), views, view
-            )
+            data = layout.read_chunk(file, views, view)
         except (OSError, ValueError, RuntimeError) as error:
             raise ValueError(
                 f"{name} of view {index} in {self.path} cannot be read "
                 f"({type(error).__name__}: {error}); run: fpp dataset check {self.path}"
             ) from error
         if data is None:
-            return np.full(shape, layout.empty(dtype.name), dtype)
+            return np.full(shape, empty, dtype)
         return np.frombuffer(data, dtype).reshape(shape)
 
     def view(self, index: int) -> View:
-        """What the camera sees in view `index`; photograph it under any pattern.
-
-        Raises
-        ------
-        ValueError
-            If the view is damaged, missing, or shows nothing.
-        """
+        """What the camera sees in view `index`; photograph it under any pattern."""
         mask = self.array("mask", index)
         if not mask.any():
             raise ValueError(
@@ -124,13 +108,7 @@ class Store:
         return View(column, row, shade.astype(np.float32), depth, mask)
 
     def photographs(self, index: int, fringes: Sequence[Fringe], noise: float = 0.0) -> np.ndarray:
-        """Frames of view `index`, (N, H, W) uint8: synthesised, or the stored ones.
-
-        Raises
-        ------
-        ValueError
-            If the dataset holds photographs, and not these.
-        """
+        """Frames of view `index`, (N, H, W) uint8: synthesised, or the stored ones."""
         if not self.fringes:
             return self.view(index).frames(fringes, noise, self.describe(index)["noise_seed"])
         if noise:
@@ -139,13 +117,7 @@ class Store:
         return self.array("frames", index)[wanted]
 
     def position(self, fringe: Fringe, step: int) -> int:
-        """Position of a photograph among the stored ones: equal pitch, equal shift.
-
-        Raises
-        ------
-        ValueError
-            If it is not among them.
-        """
+        """Position of a photograph among the stored ones: equal pitch, equal shift."""
         first = 0
         for stored in self.fringes:
             same = np.flatnonzero(np.isclose(stored.shifts, fringe.shifts[step]))
@@ -185,15 +157,10 @@ def open_store(path: str | Path) -> Store:
 
 
 def check_files(path: str | Path) -> list[str]:
-    """What is wrong with the files of a finished dataset. Chapter 7.
+    """What is wrong with the files of a finished dataset, one line a fault. Chapter 7.
 
     Shards are held against their records, records against shards and seeds, and the arrays'
     metadata, which serve other readers, against what the same version of Zarr writes.
-
-    Returns
-    -------
-    list of str
-        One line a fault; empty if every byte is as it was written.
 
     Examples
     --------
@@ -203,12 +170,9 @@ def check_files(path: str | Path) -> list[str]:
     from fpputil.dataset.generation import faults
 
     store = open_store(path)
-    records = store.manifest["records"]
-    wrong = [
-        line
-        for number, record in enumerate(records)
-        for line in faults(store.path, store.manifest, number, record)
-    ]
+    records, wrong = store.manifest["records"], []
+    for number, record in enumerate(records):
+        wrong += faults(store.path, store.manifest, number, record)
     if layout.content(records) != store.checksum:
         wrong.append(f"{layout.MANIFEST}: its records are not as they were written")
     metadata = layout.metadata_files(store.manifest)

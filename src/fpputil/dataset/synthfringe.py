@@ -52,22 +52,14 @@ class SynthFringe(Dataset):
     augmentation : Augmentation, optional
         Without it the photographs are what the renderer made of them.
     seed : int
-        Of the augmentation. Equal seeds, epochs and views give equal items, whatever the
-        number of workers.
+        Of the augmentation: equal seeds, epochs and views give equal items, in any worker.
     threshold : float
         Least modulation, grey levels.
     extremes : (low, high), optional
-        Grey levels that become 0 and 1; by default those of this dataset's training split. A
-        network that was trained on another dataset wants that one's.
+        Grey levels that become 0 and 1; by default those of this dataset's training split.
     texture : float
         Contrast, 0 to below 1, of dark blotches printed on the surfaces, other ones in every view
         and the same in every epoch. They change targets and mask, too.
-
-    Raises
-    ------
-    ValueError
-        If the dataset is unfinished, damaged or lacks the split, or a frame it does not hold
-        is asked for.
     """
 
     def __init__(
@@ -109,7 +101,9 @@ class SynthFringe(Dataset):
 
     def __getitem__(self, number: int) -> dict[str, torch.Tensor]:
         index = int(self.indices[number])
-        view = self._view(index)
+        view = self.store.view(index)
+        if self.texture:
+            view = textured(view, self.texture, (self.seed, index))
         rng = np.random.default_rng((self.seed, int(self._epoch), index))
         camera = self.augmentation.draw(rng)
         stored = self.store.array("frames", index) if self.store.fringes else None
@@ -117,11 +111,6 @@ class SynthFringe(Dataset):
         item["frames"] = self._photographs(view, stored, camera)
         item["index"], item["model"] = index, index // self.store.manifest["settings"]["views"]
         return {k: torch.as_tensor(v) for k, v in item.items()}
-
-    def _view(self, index: int) -> View:
-        """A view as it is stored, or with blotches on it."""
-        view = self.store.view(index)
-        return textured(view, self.texture, (self.seed, index)) if self.texture else view
 
     def _photographs(self, view: View, stored, camera: dict) -> np.ndarray:
         """What the network sees, (F, H, W) float32."""
@@ -139,8 +128,7 @@ class SynthFringe(Dataset):
     def _targets(self, view: View, stored, gain: float) -> dict[str, np.ndarray]:
         """Targets and truth; decoded on the lit pixels alone, which are a fifth of a picture."""
         lit = view.mask
-        row = (a[lit][None] for a in (view.column, view.row, view.shade, view.depth, lit))
-        flat = View(*row)
+        flat = View(*(a[lit][None] for a in (view.column, view.row, view.shade, view.depth, lit)))
         sums = [self._sums(flat, lit, stored, name, gain) for name in FREQUENCIES]
         phi = np.stack([phase.wrapped_phase(M, D) for M, D, _ in sums])
         high, mid, zmin, unit = range(4)

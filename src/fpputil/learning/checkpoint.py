@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import safetensors
 import torch
 from safetensors.torch import load, save
 from torch import nn
 from torch.optim import Optimizer
 
 from fpputil.files import write_whole
+from fpputil.learning.weights import read_metadata
 
 FORMAT = "fpputil run 3"
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
@@ -34,24 +34,14 @@ def save_checkpoint(path: Path, network: nn.Module, optimiser: Optimizer, state:
 
 def read_state(path: Path) -> dict:
     """What a checkpoint remembers besides tensors; ValueError if the file is cut or foreign."""
-    try:
-        with safetensors.safe_open(path, "pt") as file:
-            state = json.loads((file.metadata() or {}).get("metadata", "null"))
-    except (safetensors.SafetensorError, ValueError) as error:
-        raise ValueError(f"{path} is cut or not a checkpoint ({error})") from error
+    state = read_metadata(path, "a checkpoint")
     if not isinstance(state, dict) or state.get("format") != FORMAT:
         raise ValueError(f"{path} is not a checkpoint of this version of fpputil")
     return state
 
 
 def restore(path: Path, network: nn.Module, optimiser: Optimizer) -> dict:
-    """Put a saved state back into network and optimiser; returns the rest of it.
-
-    Raises
-    ------
-    ValueError
-        If the file is cut or foreign, or its tensors are not those of this network.
-    """
+    """Put a saved state back into network and optimiser, if they fit; returns the rest of it."""
     state, tensors = read_state(path), load(path.read_bytes())
     weights = [p for group in optimiser.param_groups for p in group["params"]]
     shapes = {f"network.{k}": v.shape for k, v in network.state_dict().items()}

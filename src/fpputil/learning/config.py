@@ -10,8 +10,6 @@ from fpputil.checks import not_negative, positive, whole
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.learning.devices import precision_of
 
-SCHEDULES = ("plateau", "one-cycle")
-
 
 @dataclass(frozen=True)
 class TrainingConfig:
@@ -69,6 +67,6 @@ class TrainingConfig:
         positive("learning_rate", self.learning_rate)
         positive("max_grad_norm", self.max_grad_norm)
         not_negative("weight_decay", self.weight_decay)
-        if self.schedule not in SCHEDULES:
+        if self.schedule not in ("plateau", "one-cycle"):
             raise ValueError(f"schedule {self.schedule!r} given; plateau or one-cycle is needed")
         precision_of(self.precision, torch.device("cpu"))

@@ -27,13 +27,7 @@ def bfloat16_unit(device: torch.device) -> bool:
 
 
 def device_of(name: str) -> torch.device:
-    """The device of a name: "cpu", "cuda" (of several processes each takes its own) or "cuda:1".
-
-    Raises
-    ------
-    ValueError
-        If it is none of these, or there is no such GPU.
-    """
+    """The device of a name: "cpu", "cuda" (of several processes each takes its own) or "cuda:1"."""
     kind, _, number = name.partition(":")
     if kind not in ("cpu", "cuda") or not (number.isdecimal() or number == ""):
         raise ValueError(f"device {name!r} given; cpu, cuda, cuda:0, cuda:1 ... are known")
@@ -98,14 +92,7 @@ def hardware(device: torch.device) -> dict:
 
 @dataclass(frozen=True)
 class Processes:
-    """The processes that train one network together.
-
-    Parameters
-    ----------
-    rank, size : int
-        Number of this process, and how many there are.
-    device : torch.device
-    """
+    """The processes that train one network together: which this is, of how many, and its device."""
 
     rank: int
     size: int
@@ -122,16 +109,8 @@ class Processes:
 
 @contextmanager
 def processes(device: str | None = None) -> Iterator[Processes]:
-    """This process among those that `torchrun` started, or alone. Chapter 8.
+    """This process among those that `torchrun` started, or alone; by default on CUDA if it can.
 
-    Parameters
-    ----------
-    device : str, optional
-        As torch names it; by default a CUDA device for each process where there are any, else
-        the CPU.
-
-    Examples
-    --------
     >>> with processes("cpu") as group:
     ...     group.size, group.total(1.5, 2)
     (1, [1.5, 2.0])

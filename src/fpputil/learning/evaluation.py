@@ -28,25 +28,28 @@ BATCH = 8
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a network makes of one view.
+    """What a network makes of one view: (H, W) float32 phases, radians.
 
-    Parameters
-    ----------
-    phi_h : (H, W) float32 array
-        Wrapped phase of the high pitch, radians.
-    phi_r : (H, W) float32 array or None
-        The second wrapped phase, which the method names: of SFNet the refined reference.
-    Phi : (H, W) float32 array
-        Absolute phase of the high pitch, radians.
-    Phi_from_one : (H, W) float32 array
-        The same from phi_h alone, without phi_r: the control of one photograph. The network saw
-        both, and phi_h has gained by it.
+    Wrapped phase phi_h of the high pitch; phi_r, the second wrapped phase, which the method names,
+    of SFNet the refined reference, or None; absolute phase Phi of the high pitch; Phi_from_one,
+    the same from phi_h alone: the control of one photograph. The network saw both, and phi_h has
+    gained by it.
     """
 
     phi_h: np.ndarray
     phi_r: np.ndarray | None
     Phi: np.ndarray
     Phi_from_one: np.ndarray
+
+
+def moved(trained: Trained, device: str, precision: str) -> tuple[Trained, torch.device, str]:
+    """A network ready to measure: device and precision as torch has them."""
+    device = device_of(device)
+    precision = precision_of(precision, device)
+    network = trained.network.to(device, memory_format=torch.channels_last)
+    if precision != "float32":
+        network = lowered(network, PRECISIONS[precision])
+    return replace(trained, network=network), device, precision
 
 
 @torch.no_grad()
@@ -57,17 +60,12 @@ def predict_batch(
 
     Parameters
     ----------
-    trained : Trained
     frames : (B, F, H, W) tensor or array
         Photographs, 0 to 1 by the extremes the network was trained with.
     geometry : Geometry
         On the device on which the network is.
     precision : str
         "float32" or "bfloat16".
-
-    Returns
-    -------
-    list of B `Prediction`
     """
     device, method = geometry.Phi_plane.device, trained.method
     frames = torch.as_tensor(frames, dtype=torch.float32).to(device)
@@ -90,23 +88,13 @@ def open_split(
 ) -> SynthFringe:
     """A split of a dataset as the network wants its photographs; options as of `SynthFringe`.
 
-    Raises
-    ------
-    ValueError
-        If camera or pitches are not those the network was trained for, or it does not say.
+    ValueError if camera or pitches are not those the network was trained for, or it does not say.
     """
     lacking = [k for k in ("pitches", "camera", "extremes") if k not in trained.metadata]
     if lacking:
         raise ValueError(f"these weights do not say for which {lacking[0]} they are")
-    data = SynthFringe(
-        path,
-        split,
-        trained.method.photographs,
-        augmentation,
-        seed,
-        extremes=trained.metadata["extremes"],
-        texture=texture,
-    )
+    options = {"extremes": trained.metadata["extremes"], "texture": texture}
+    data = SynthFringe(path, split, trained.method.photographs, augmentation, seed, **options)
     camera = data.store.system.camera
     made_for = {"pitches": data.pitches._asdict(), "camera": [camera.height, camera.width]}
     for name, value in made_for.items():
@@ -128,24 +116,9 @@ def predictions(
     precision: str = "float32",
     progress: bool = False,
 ) -> Iterator[tuple[dict[str, np.ndarray], Prediction]]:
-    """Views of a split, and what the network makes of each.
-
-    Parameters
-    ----------
-    views : sequence of int, optional
-        Positions in the split; by default all.
-
-    Yields
-    ------
-    item, Prediction
-        The item of `SynthFringe` as arrays.
-    """
-    device = device_of(device)
-    precision = precision_of(precision, device)
+    """Items of a split, or of positions in it, as arrays, and what the network makes of each."""
+    trained, device, precision = moved(trained, device, precision)
     geometry = Geometry.of(data.store.system, data.pitches, data.extremes).to(device)
-    network = trained.network.to(device, memory_format=torch.channels_last)
-    if precision != "float32":
-        trained = replace(trained, network=lowered(network, PRECISIONS[precision]))
     chosen = data if views is None else Subset(data, views)
     loader = DataLoader(chosen, BATCH, **loader_options(workers))
     bar = tqdm(total=len(chosen), unit="view", disable=not progress, leave=False)
@@ -166,27 +139,17 @@ def evaluate(
     views: Sequence[int] | None = None,
     **how,
 ) -> tuple[Score, Score]:
-    """Errors over a split: of the network, and of its phi_h without its phi_r.
+    """Scores over a split of `open_split`: of the network, and of its phi_h without its phi_r.
 
     Parameters
     ----------
-    trained : Trained
-    data : SynthFringe
-        From `open_split`.
     each : callable, optional
         Given every item and the `Prediction` of it.
     truth : SynthFringe, optional
         The same split, whose masks and phases count in place of those of `data`: where only the
         photographs are to differ.
-    views : sequence of int, optional
-        Positions in the split; by default all.
-    **how
+    views, **how
         Options of `predictions`.
-
-    Returns
-    -------
-    Score, Score
-        With phi_r; phi_h alone.
     """
     both, alone = Score(), Score()
     system, pitch = data.store.system, data.pitches.high

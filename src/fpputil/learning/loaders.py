@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import torch
-from torch.utils.data import DataLoader, Sampler, Subset
+from torch.utils.data import DataLoader, Sampler
 
 from fpputil.checks import whole
 from fpputil.dataset.synthfringe import SynthFringe
@@ -17,19 +17,9 @@ from fpputil.dataset.synthfringe import SynthFringe
 class Batches(Sampler):
     """Positions in a dataset, dealt into batches anew each `epoch`.
 
-    Parameters
-    ----------
-    number : int
-        Items of the dataset.
-    size : int
-        Items a batch, over all processes. Items left over at the end of an epoch wait for
-        another; a dataset smaller than a batch is one batch.
-    seed : int
-    rank, ranks : int
-        Which share of each batch is ours.
+    Of `number` items `size` make a batch, which all processes share. Items left over at the end of
+    an epoch wait for another; a dataset smaller than a batch is one batch.
 
-    Examples
-    --------
     >>> list(Batches(5, 2, seed=0))
     [[2, 4], [3, 0]]
     >>> list(Batches(5, 2, seed=0, rank=1, ranks=2))
@@ -53,18 +43,6 @@ class Batches(Sampler):
         order = np.random.default_rng((self.seed, self.epoch)).permutation(self.number)
         for k in range(len(self)):
             yield order[k * self.size : (k + 1) * self.size][self.share].tolist()
-
-
-def training_loader(data: SynthFringe, batches: Batches, workers: int) -> DataLoader:
-    """Loader of batches in the order of `batches`."""
-    return DataLoader(data, batch_sampler=batches, **loader_options(workers))
-
-
-def validation_loader(
-    data: SynthFringe, views: list[int], size: int, workers: int, rank: int = 0, ranks: int = 1
-) -> DataLoader:
-    """Loader of those of the views that fall to one of several processes."""
-    return DataLoader(Subset(data, views[rank::ranks]), size, **loader_options(workers))
 
 
 def spread(data: SynthFringe, most: int) -> list[int]:

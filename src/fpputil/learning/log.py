@@ -28,13 +28,7 @@ def write_log(out: Path, history: list[dict]) -> None:
 
 
 def read_log(path: str | Path) -> list[dict[str, float]]:
-    """Rows of a log.csv, numbers as floats.
-
-    Raises
-    ------
-    ValueError
-        If the file is no such table.
-    """
+    """Rows of a log.csv, numbers as floats; ValueError if the file is no such table."""
     try:
         with Path(path).open(newline="") as file:
             rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]

@@ -95,11 +95,8 @@ def errors(Phi, phi_h, phi_r, truth: dict, system: System, pitch: float) -> dict
 class Score:
     """Errors gathered by model, and what they come to.
 
-    Parameters
-    ----------
-    models : dict
-        For each model, of each kind of error: number, number of the finite, sum of ``|e|``, sum
-        of squares, and of rad and mm a histogram over `BINS`.
+    For each model, of each kind of error: number, number of the finite, sum of ``|e|``, sum of
+    squares, and of rad and mm a histogram over `BINS`.
 
     Examples
     --------
@@ -127,24 +124,10 @@ class Score:
     def summary(self, seed: int = 0, draws: int = 1000) -> dict[str, tuple[float, float, float]]:
         """Each measure with its 95 % bootstrap interval over models: (value, low, high).
 
-        Parameters
-        ----------
-        seed : int
-            Of the draws.
-        draws : int
-            How many times as many models are drawn, with replacement.
-
-        Returns
-        -------
-        dict
-            mae_rad, rmse_rad, median_rad, mae_mm, rmse_mm, median_mm, and shares from 0 to 1:
-            order_errors, spikes, spikes_of_truth, insensitive (left out of the mm), no_depth
-            (of those in mm); mae_high and mae_low of wrapped phases.
-
-        Raises
-        ------
-        ValueError
-            If nothing was added, or no pixel.
+        Models are drawn as in `draws_of_models`. The measures are mae_rad, rmse_rad, median_rad,
+        mae_mm, rmse_mm, median_mm, and shares from 0 to 1: order_errors, spikes, spikes_of_truth,
+        insensitive (left out of the mm), no_depth (of those in mm); mae_high and mae_low of
+        wrapped phases.
         """
         models = list(self.models.values())
         if not sum(model["rad"][0] for model in models):
@@ -159,18 +142,7 @@ class Score:
 def draws_of_models(number: int, draws: int, seed: int = 0) -> np.ndarray:
     """How often each model counts: once in the first row, then as drawn with replacement.
 
-    Parameters
-    ----------
-    number : int
-        Models.
-    draws : int
-        How many times as many models are drawn.
-    seed : int
-
-    Returns
-    -------
-    (draws + 1, number) float array
-        Times sums over each model, (number, ...), they are the sums of each draw.
+    Times sums over each model, (number, ...), the (draws + 1, number) floats are those of a draw.
 
     Examples
     --------

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import torch
 from scipy.ndimage import grey_closing, grey_opening
 
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
-from fpputil.learning.devices import PRECISIONS, device_of, precision_of
-from fpputil.learning.evaluation import predict_batch
+from fpputil.learning.evaluation import moved, predict_batch
 from fpputil.learning.weights import Trained
 from fpputil.networks.geometry import Geometry
-from fpputil.networks.unet import lowered
 from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import Pitches, System
 
@@ -39,7 +36,7 @@ class CheckedPhotographs:
 
     @property
     def pitches(self) -> Pitches:
-        """Pitches that the network was trained for."""
+        """Those that the network was trained for."""
         return Pitches(**self.metadata["pitches"])
 
     @property
@@ -47,10 +44,11 @@ class CheckedPhotographs:
         """Along which the columns change most: 1, the rows of the camera, or 0."""
         return int(np.argmax([np.nanmedian(np.abs(g)) for g in np.gradient(self.columns)]))
 
-    def period(self, name: str) -> float:
-        """Camera pixels of a period of a frequency, the median of the plane."""
+    @property
+    def period(self) -> float:
+        """Camera pixels of a period of the high pitch, the median of the plane."""
         slopes = np.abs(np.gradient(self.columns, axis=self.axis))
-        return float(getattr(self.pitches, name) / np.nanmedian(slopes))
+        return float(self.pitches.high / np.nanmedian(slopes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +125,7 @@ def fringes_seen(photographs: CheckedPhotographs) -> np.ndarray:
     """
     high = [k for k, name in enumerate(photographs.names) if name == "high"]
     size = [1, 1]
-    size[photographs.axis] = 2 * int(0.625 * photographs.period("high")) + 1
+    size[photographs.axis] = 2 * int(0.625 * photographs.period) + 1
     crests = grey_closing(photographs.frames.max(axis=0), size=size)
     troughs = grey_opening(photographs.frames[high].min(axis=0), size=size)
     return (crests - troughs) / 2 > THRESHOLD
@@ -138,15 +136,11 @@ def predict(
 ) -> DepthPrediction:
     """Phases, depth and points; ValueError if none is in the measuring range. Chapter 8."""
     system, mask = photographs.system, fringes_seen(photographs)
-    device = device_of(device)
-    precision = precision_of(precision, device)
-    network = trained.network.to(device, memory_format=torch.channels_last)
-    if precision != "float32":
-        network = lowered(network, PRECISIONS[precision])
+    trained, device, precision = moved(trained, device, precision)
     pitches, (low, high) = photographs.pitches, photographs.metadata["extremes"]
     geometry = Geometry.of(system, pitches, (low, high)).to(device)
     frames = (photographs.frames - low) / (high - low)
-    (phases,) = predict_batch(replace(trained, network=network), frames[None], geometry, precision)
+    (phases,) = predict_batch(trained, frames[None], geometry, precision)
     maps = (phases.phi_h, np.nan if phases.phi_r is None else phases.phi_r, phases.Phi)
     phi_h, phi_r, Phi = (np.where(mask, phase, np.nan) for phase in maps)
     points = triangulate(i := column(Phi, pitches.high), system)
@@ -172,11 +166,10 @@ def warnings(photographs: CheckedPhotographs) -> list[str]:
 def _odd_size(photographs) -> Iterator[str]:
     (height, width), (rows, columns) = photographs.columns.shape, photographs.metadata["camera"]
     if (height, width) != (rows, columns):
-        period = photographs.period("high")
         yield (
             f"photographs of {width} x {height} pixels; the network was trained with {columns} x "
-            f"{rows}. A period has {period:.1f} pixels; in the same field of view it had "
-            f"{period * columns / width:.1f}"
+            f"{rows}. A period has {photographs.period:.1f} pixels; in the same field of view it "
+            f"had {photographs.period * columns / width:.1f}"
         )
 
 

@@ -13,15 +13,15 @@ import torch
 from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
+from torch.utils.data import DataLoader, Subset
 from tqdm.std import tqdm
 
-from fpputil.checks import whole
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.files import write_whole
 from fpputil.learning.checkpoint import restore, save_checkpoint
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.devices import Processes, forward, hardware, precision_of, processes
-from fpputil.learning.loaders import Batches, closing, spread, training_loader, validation_loader
+from fpputil.learning.loaders import Batches, closing, loader_options, spread
 from fpputil.learning.log import write_log
 from fpputil.learning.weights import Trained, checksum, plain, save_weights
 from fpputil.networks.geometry import Geometry
@@ -91,9 +91,9 @@ def fit(
         unseen = SynthFringe(path, "validation", shots, extremes=data.extremes)
         views = spread(unseen, settings.validation_views)
         batches = Batches(len(data), settings.batch, settings.seed, group.rank, group.size)
-        loader = training_loader(data, batches, whole("workers", workers, 0))
-        share = (min(workers, 1), group.rank, group.size)
-        validation = validation_loader(unseen, views, settings.batch, *share)
+        loader = DataLoader(data, batch_sampler=batches, **loader_options(workers))
+        share = Subset(unseen, views[group.rank :: group.size])
+        validation = DataLoader(share, settings.batch, **loader_options(min(workers, 1)))
         geometry = Geometry.of(data.store.system, data.pitches, data.extremes).to(group.device)
         precision = precision_of(settings.precision, group.device)
 
@@ -129,13 +129,9 @@ def fit(
         model = DistributedDataParallel(network) if group.size > 1 else network
 
         images = len(batches) * min(settings.batch, len(data))  # of an epoch
-        bar = tqdm(
-            total=settings.epochs * images,
-            initial=len(history) * images,
-            unit="image",
-            disable=not (progress and group.rank == 0),
-            smoothing=0.05,
-        )
+        options = {"disable": not (progress and group.rank == 0), "smoothing": 0.05}
+        options |= {"initial": len(history) * images, "unit": "image"}
+        bar = tqdm(total=settings.epochs * images, **options)
         with bar, closing(loader, validation):
             for epoch in range(len(history), settings.epochs):
                 if 0 < settings.early_stopping <= epochs_since_best(history):
@@ -245,7 +241,7 @@ def epochs_since_best(history: list[dict]) -> int:
 
 def trained_of(method, network, geometry, config: dict, history, group: Processes) -> Trained:
     """The network as it is now, with what one needs to use it."""
-    camera = geometry.system.camera
+    camera, last = geometry.system.camera, history[-1]
     metadata = {
         "pitches": geometry.pitches._asdict(),
         "camera": [camera.height, camera.width],
@@ -256,8 +252,8 @@ def trained_of(method, network, geometry, config: dict, history, group: Processe
             "precision": config["precision"],
             "start": config["start"],
             "epochs": len(history),
-            "images": history[-1]["images"],
-            "validation_mae": history[-1]["validation_mae"],
+            "images": last["images"],
+            "validation_mae": last["validation_mae"],
             "hardware": hardware(group.device) | {"processes": group.size},
         },
     }
@@ -265,13 +261,7 @@ def trained_of(method, network, geometry, config: dict, history, group: Processe
 
 
 def claim(out: Path, config: dict, resume: bool) -> None:
-    """Make `out` the folder of the run that its config.json describes.
-
-    Raises
-    ------
-    ValueError
-        If it holds a run and `resume` is not given, or another run is to be resumed.
-    """
+    """Make `out` the folder of the run that its config.json describes, unless it is another's."""
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out} is a file; a run needs a folder")
     if resume and not out.is_dir():

@@ -21,16 +21,10 @@ FORMAT = "fpputil weights 2"
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """A network and what one needs to use it.
+    """A network, in float32 and evaluation mode, and what one needs to use it.
 
-    Parameters
-    ----------
-    method : Method
-    network : nn.Module
-        In float32, in evaluation mode.
-    metadata : dict
-        pitches and camera (H, W) of the dataset, extremes of its grey levels, and whatever else
-        was known when it was saved: name of the dataset, course of the training.
+    The metadata hold pitches and camera (H, W) of the dataset, extremes of its grey levels, and
+    whatever else was known when it was saved: name of the dataset, course of the training.
     """
 
     method: Method
@@ -39,13 +33,7 @@ class Trained:
 
 
 def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> None:
-    """Write a network whole or not at all; in 16 bit unless another dtype is given.
-
-    Raises
-    ------
-    ValueError
-        If the name does not end in .safetensors, or a weight does not fit the dtype.
-    """
+    """Write a network whole or not at all; in 16 bit unless another dtype is given."""
     path = _name(path)
     weights = trained.network.state_dict()
     tensors = {k: v.detach().cpu().to(dtype).contiguous() for k, v in weights.items()}
@@ -57,24 +45,11 @@ def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> Non
 
 
 def load_weights(path: str | Path) -> Trained:
-    """The network written by `save_weights`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file is cut, is not ours, or does not fit the method it names.
-    """
+    """The network of `save_weights`; an error if the file is cut, not ours, or does not fit."""
     path = _name(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such file of weights")
-    try:
-        with safetensors.safe_open(path, "pt") as file:
-            metadata = json.loads((file.metadata() or {}).get("metadata", "null"))
-        tensors = load(path.read_bytes())
-    except (safetensors.SafetensorError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is cut or not a safetensors file ({error})") from error
+    metadata, tensors = read_metadata(path, "a safetensors file"), load(path.read_bytes())
     kind = metadata.pop("format", None) if isinstance(metadata, dict) else None
     if str(kind).startswith("fpputil run"):
         raise ValueError(f"{path} is the checkpoint of a run; weights.safetensors is beside it")
@@ -90,26 +65,20 @@ def load_weights(path: str | Path) -> Trained:
     return Trained(method, network.eval(), metadata)
 
 
+def read_metadata(path: Path, kind: str):
+    """JSON inside a safetensors file; ValueError if the file is cut or foreign."""
+    try:
+        with safetensors.safe_open(path, "pt") as file:
+            return json.loads((file.metadata() or {}).get("metadata", "null"))
+    except (safetensors.SafetensorError, ValueError) as error:
+        raise ValueError(f"{path} is cut or not {kind} ({error})") from error
+
+
 def write_metrics(path: str | Path, trained: Trained, split: str, measures: dict) -> Path:
     """Write what was measured on a split as JSON beside the weights, other splits kept.
 
-    NaN, for what could not be measured, becomes null.
-
-    Parameters
-    ----------
-    path : path
-        From which `trained` was loaded.
-
-    Returns
-    -------
-    Path
-        The JSON file.
-
-    Raises
-    ------
-    ValueError
-        If the file of weights holds another network by now, or there is something else at the
-        place of the JSON file.
+    NaN, for what could not be measured, becomes null. Returns the JSON file; ValueError if `path`
+    is no longer the file of these weights.
     """
     beside = _name(path).with_suffix(".json")
     if checksum(load_weights(path).network) != checksum(trained.network):
@@ -121,13 +90,7 @@ def write_metrics(path: str | Path, trained: Trained, split: str, measures: dict
 
 
 def read_metrics(path: str | Path) -> dict[str, dict]:
-    """What `write_metrics` wrote beside weights, by split.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is no such file, or it holds something else.
-    """
+    """What `write_metrics` wrote beside weights, by split."""
     beside = _name(path).with_suffix(".json")
     if not beside.is_file():
         raise FileNotFoundError(f"{beside} is not there; measure first: fpp evaluate {path} --json")

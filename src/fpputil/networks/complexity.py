@@ -30,11 +30,6 @@ def cost(network: nn.Module, size: tuple[int, int]) -> Cost:
     size : (H, W)
         Of the photographs, pixels. What the network adds to them counts too.
 
-    Raises
-    ------
-    ValueError
-        If the size is not two whole numbers of 1 or more.
-
     Examples
     --------
     >>> from fpputil.networks import SFNet

@@ -20,13 +20,8 @@ NAMES = ("high", "mid", "unit")
 class DLALNet(nn.Module):
     """One encoder, one decoder, three pitches at once. Section 6.2 of the paper; chapter 9.
 
-    Parameters
-    ----------
-    base, levels, dropout
-        As of `SFNet`.
+    Options as of `SFNet`.
 
-    Examples
-    --------
     >>> DLALNet(base=2, levels=2)(torch.zeros(1, 3, 12, 16)).shape
     torch.Size([1, 3, 2, 12, 16])
     """
@@ -91,10 +86,8 @@ class DLALNetMethod:
             return {"total": mean_squared(pixels, predicted, true)}
         phi_h, _ = self.phases(predicted)
         components, targets = (a.flatten(1).unbind(1) for a in (predicted, true))
-        Phi = self.absolute_phase(predicted, geometry)
-        return self.weights.losses(
-            pixels, components, targets, phi_h, Phi, batch["Phi"][pixels.mask]
-        )
+        Phi, true_Phi = self.absolute_phase(predicted, geometry), batch["Phi"][pixels.mask]
+        return self.weights.losses(pixels, components, targets, phi_h, Phi, true_Phi)
 
 
 def _wrapped(outputs: Tensor) -> dict[str, Tensor]:

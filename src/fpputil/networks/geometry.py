@@ -63,19 +63,12 @@ class Geometry:
     def absolute_phase(self, phi_h, phi, Phi_min=None, name: str = "zmin"):
         """Phi of the high pitch from its wrapped phase and that of a lower one (Eq. 9, 4, 6).
 
-        Parameters
-        ----------
-        phi_h, phi : (...) tensors
-            Radians.
-        Phi_min : (...) tensor, optional
-            Minimum phase of the lower pitch, where the phases are not whole pictures.
-        name : str
-            Of the lower pitch.
+        The lower pitch is that of `name`; its minimum phase is needed where the phases are not
+        whole pictures.
         """
         Phi_min = self.Phi_min[name] if Phi_min is None else Phi_min
-        return two_phase_absolute(
-            phi_h, phi, Phi_min, self.pitches.high, getattr(self.pitches, name)
-        )
+        low = getattr(self.pitches, name)
+        return two_phase_absolute(phi_h, phi, Phi_min, self.pitches.high, low)
 
     def from_one_phase(self, phi_h):
         """Phi of the high pitch from its wrapped phase alone: the control of every table."""

@@ -20,18 +20,11 @@ PAPER_PIXELS = 640 * 480  # the sum of Eq. 14 and its weight belong to pictures 
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """The pixels of a batch of masks, and which of them are neighbours.
+    """The pixels of a batch of masks (B, H, W), and which of them are neighbours.
 
-    Parameters
-    ----------
-    mask : (B, H, W) bool tensor
-    image : (P,) int64 tensor
-        Number of the image that each pixel belongs to.
-    across, down : pairs of (Q,) int64 tensors
-        Positions, among the P, of pixels that both lie in the mask side by side.
+    `image` (P,) numbers the image of each pixel; `across` and `down` are pairs of (Q,) positions,
+    among the P, of pixels that both lie in the mask side by side.
 
-    Examples
-    --------
     >>> mask = torch.tensor([[[True, True], [False, True]]])
     >>> pixels = Pixels.of(mask)
     >>> pixels.of_images(torch.tensor([[[1.0, 2.0], [3.0, 4.0]]]))
@@ -119,14 +112,9 @@ def geometric(pixels: Pixels, Phi: Tensor, *, mean: bool = False) -> Tensor:
 
     Printed with the true phase, which would be a constant; the predicted one is meant.
 
-    Parameters
-    ----------
-    mean : bool
-        Average over the pairs instead of adding up. The sum is scaled to as many pixels as the
-        paper's pictures have, so that one weight serves every size.
+    The mean is over the pairs. The sum is scaled to as many pixels as the paper's pictures have,
+    so that one weight serves every size.
 
-    Examples
-    --------
     >>> pixels = Pixels.of(torch.tensor([[[True, True, True]]]))
     >>> geometric(pixels, torch.tensor([1.0, 2.0, 4.0]), mean=True)
     tensor([2.5000])
@@ -169,12 +157,8 @@ class Weights:
     def losses(self, pixels: Pixels, components, targets, phi_h, Phi_predicted, Phi) -> dict:
         """Each loss by name and their weighted "total", (B,) each (Eq. 12-15).
 
-        Parameters
-        ----------
-        components, targets : sequences of (P,) tensors
-            What the network put out and should have: M and D of both pitches.
-        phi_h, Phi_predicted, Phi : (P,) tensors
-            Predicted wrapped phase of the high pitch, predicted and true absolute phase.
+        All are (P,): components and targets, sequences of what the network put out and should
+        have (M and D of both pitches), predicted phi_h, predicted and true Phi.
         """
         error = mean_absolute if self.l1 else mean_squared
         residual = Phi_predicted - Phi

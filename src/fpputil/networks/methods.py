@@ -64,13 +64,7 @@ def settings_of(method: Method) -> dict:
 
 
 def method_of(settings: dict) -> Method:
-    """The method that `settings_of` described.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        If settings are unknown, missing or out of range.
-    """
+    """The method that `settings_of` described; an error if settings are missing or wrong."""
     options = dict(settings)
     name = options.pop("method")
     if name not in METHODS:

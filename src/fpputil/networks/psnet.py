@@ -49,11 +49,7 @@ class PSNetMethod:
 
     Its loss counts each photograph, and each difference of two neighbouring steps, the last and
     the first among them. Both weigh the same: ours, as the paper does not say.
-
-    Parameters
-    ----------
-    base, levels, dropout
-        As of `SFNet`.
+    Options as of `SFNet`.
     """
 
     base: int = 8

@@ -50,12 +50,7 @@ class SFNet(nn.Module):
         Whose features a decoder sees: of its own encoder ("none", row A of Table 4), of both at
         the "deepest" level (as the paper's text has it), or of both at "every level".
     outputs : int
-        Channels each decoder ends in, 1 or more: 2 for M and D, 1 for a phase predicted directly.
-
-    Raises
-    ------
-    ValueError
-        If a number is not positive, the dropout not in [0, 1), or the mixing unknown.
+        Channels each decoder ends in: 2 for M and D, 1 for a phase predicted directly.
 
     Examples
     --------
@@ -89,39 +84,24 @@ class SFNet(nn.Module):
         initialise(self)
 
     def forward(self, frames: Tensor) -> Tensor:
-        """Numerators and denominators of both phases.
+        """Of photographs (B, F, H, W), 0 to 1, those of the high pitch first, any size: M and D.
 
-        Parameters
-        ----------
-        frames : (B, F, H, W) tensor
-            Photographs, 0 to 1, those of the high pitch first; any size.
-
-        Returns
-        -------
-        (B, 2, outputs, H, W) float32 tensor
-            High pitch, then refined reference; of each M, then D.
+        They are (B, 2, outputs, H, W) in float32: high pitch, then refined reference.
         """
         taken(frames, self.frames)
         height, width = frames.shape[-2:]
         room = padded(frames, 2 ** (len(self.encoders[0].levels) - 1))
-        pyramids = [
-            encoder(part)
-            for encoder, part in zip(self.encoders, room.split(self.frames, 1), strict=True)
-        ]
-        joined = [
-            torch.cat(pair, 1) if self._mixed(k) else None
-            for k, pair in enumerate(zip(*pyramids, strict=True))
-        ]
+        parts = room.split(self.frames, 1)
+        pyramids = [encoder(part) for encoder, part in zip(self.encoders, parts, strict=True)]
+        deepest = len(pyramids[0]) - 1
+        mixed = {"none": (), "deepest": (deepest,), "every level": range(deepest + 1)}[self.mixing]
+        pairs = enumerate(zip(*pyramids, strict=True))
+        joined = [torch.cat(pair, 1) if k in mixed else None for k, pair in pairs]
         outputs = []
         for decoder, pyramid in zip(self.decoders, pyramids, strict=True):
             *skips, deepest = (p if j is None else j for p, j in zip(pyramid, joined, strict=True))
             outputs.append(decoder(self.dropout(deepest), skips))
         return torch.stack(outputs, 1)[..., :height, :width]
-
-    def _mixed(self, level: int) -> bool:
-        """Whether both decoders see the features of both encoders at a level."""
-        deepest = level == len(self.encoders[0].levels) - 1
-        return self.mixing == "every level" or (self.mixing == "deepest" and deepest)
 
 
 @dataclass(frozen=True)
@@ -214,10 +194,8 @@ class SFNetMethod:
         inside = pixels.of_images(outputs)  # (P, 2, 2 or 1)
         phi_h, phi = self.phases(inside)
         components, targets = inside.flatten(1).unbind(1), self._targets(batch, pixels.mask)
-        Phi = self._absolute_phase(phi_h, phi, geometry, pixels.mask)
-        return self.weights.losses(
-            pixels, components, targets, phi_h, Phi, batch["Phi"][pixels.mask]
-        )
+        Phi, true = self._absolute_phase(phi_h, phi, geometry, pixels.mask), batch["Phi"]
+        return self.weights.losses(pixels, components, targets, phi_h, Phi, true[pixels.mask])
 
     def _targets(self, batch: dict, mask: Tensor) -> list[Tensor]:
         """What the outputs should be at the pixels of the mask, (P,) each."""

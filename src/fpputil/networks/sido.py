@@ -80,9 +80,8 @@ class SIDOMethod:
         if not self.plane:
             return frames
         low, high = geometry.extremes
-        light = torch.where(
-            geometry.Phi_plane.isfinite(), 255 / 2 * (1 + geometry.Phi_plane.cos()), 0
-        )
+        Phi = geometry.Phi_plane
+        light = torch.where(Phi.isfinite(), 255 / 2 * (1 + Phi.cos()), 0)
         return torch.cat([frames, ((light - low) / (high - low)).expand_as(frames)], 1)
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, None]:

@@ -15,12 +15,8 @@ def noiseless(batch: dict, name: str, steps: int, geometry: Geometry) -> Tensor:
     """Photographs of all steps of a frequency, on the scale of the inputs (Eq. 1). Chapter 9.
 
     With M and D of unit length and modulation B, step n is
-    ``B (1 + D cos(delta_n) + M sin(delta_n))``.
-
-    Returns
-    -------
-    (B, steps, H, W) tensor
-        Without noise, saturation and rounding; they mean nothing outside the mask.
+    ``B (1 + D cos(delta_n) + M sin(delta_n))``: (B, steps, H, W) without noise, saturation and
+    rounding, which mean nothing outside the mask.
     """
     delta = TWO_PI * torch.arange(steps, device=batch["M"].device)[:, None, None] / steps
     at = FREQUENCIES.index(name)

@@ -12,28 +12,14 @@ from fpputil.checks import not_negative, whole
 
 
 def convolutions(before: int, after: int) -> nn.Sequential:
-    """Two 3 x 3 convolutions with stride 1 and zero padding, each followed by ReLU.
-
-    Parameters
-    ----------
-    before, after : int
-        Channels that come in and go out.
-    """
+    """Two 3 x 3 convolutions with zero padding and ReLU, between so many channels."""
     pairs = ((before, after), (after, after))
     layers = [[nn.Conv2d(i, o, 3, padding=1), nn.ReLU(inplace=True)] for i, o in pairs]
     return nn.Sequential(*sum(layers, []))
 
 
 class Encoder(nn.Module):
-    """Pairs of convolutions with max-pooling between them; channels double, sides halve.
-
-    Parameters
-    ----------
-    frames : int
-        Channels of the input.
-    widths : sequence of int
-        Channels of each level, finest first.
-    """
+    """Pairs of convolutions with max-pooling between them, to `widths` channels, finest first."""
 
     def __init__(self, frames: int, widths: Sequence[int]):
         super().__init__()
@@ -52,16 +38,8 @@ class Encoder(nn.Module):
 class Decoder(nn.Module):
     """Transposed convolutions upward, joined at each level by the features of an encoder.
 
-    Parameters
-    ----------
-    bottom : int
-        Channels of the deepest features.
-    widths : sequence of int
-        Channels of each level, finest first.
-    skips : sequence of int
-        Channels of the features that join at each level but the deepest, finest first.
-    outputs : int
-        Channels of the last, 1 x 1 convolution.
+    Channels: `bottom` of the deepest features, `widths` of each level, `skips` of the features that
+    join at each level but the deepest, `outputs` of the last, 1 x 1 convolution; finest first.
     """
 
     def __init__(self, bottom: int, widths: Sequence[int], skips: Sequence[int], outputs: int):
@@ -91,11 +69,6 @@ class UNet(nn.Module):
         Channels that each decoder ends in.
     base, levels, dropout
         As of `SFNet`.
-
-    Raises
-    ------
-    ValueError
-        If a number is not positive or the dropout not in [0, 1).
 
     Examples
     --------
@@ -151,13 +124,12 @@ def padded(frames: Tensor, multiple: int) -> Tensor:
     return nn.functional.pad(frames, (0, width, 0, height))
 
 
-def initialise(network: nn.Module) -> nn.Module:
+def initialise(network: nn.Module) -> None:
     """He's normal initialisation for ReLU, biases zero; draws from torch's generator."""
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d):
             nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
             nn.init.zeros_(layer.bias)
-    return network
 
 
 def lowered(network: nn.Module, dtype: torch.dtype) -> nn.Module:
