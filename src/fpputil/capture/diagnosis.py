@@ -18,10 +18,7 @@ from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Reason
 
 FINDINGS = {
-    "exchanged": (
-        "{first} and {second} are exchanged",
-        "exchange their names",
-    ),
+    "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
     "frame": (
         "{files}: does not fit the other steps of {fringe}",
         "photograph again: a trigger was missed, a step was shown twice or too late, or the light "
@@ -111,16 +108,9 @@ STRONG = 400  # pixels at which photographs are compared
 
 
 class Finding(NamedTuple):
-    """What speaks against a capture.
+    """What speaks against a capture: a key of `FINDINGS`, what is the matter, what to do about it.
 
-    Parameters
-    ----------
-    code : str
-        A key of `FINDINGS`.
-    severe : bool
-        True if the phases are wrong, not only noisier or fewer.
-    message, remedy : str
-        What is the matter, and what to do about it.
+    With a severe one the phases are wrong, not only noisier or fewer.
     """
 
     code: str
@@ -135,9 +125,8 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     Parameters
     ----------
     measurement : Measurement
-        What the fringes along one axis tell.
+        What the fringes along one axis of the capture tell.
     capture : Capture
-        Of which it was made.
 
     Returns
     -------
@@ -159,10 +148,7 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (
-        *(_repeated, _frequencies, _offset, _saturation, _projector),
-        *(_response, _orders, _darkness, _contrast, _noise),
-    )
+    checks = (_repeated, _frequencies, _offset, _saturation, _projector, _response, _light)
     findings = [finding for check in checks for finding in check(measurement, capture)]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
@@ -292,27 +278,17 @@ def _response(m, capture) -> Iterator[Finding]:
             return
 
 
-def _orders(m, capture) -> Iterator[Finding]:
-    share = _share(m, Reason.UNSURE)
-    if share > SHARE:
-        yield _finding("orders", share=share)
-
-
-def _darkness(m, capture) -> Iterator[Finding]:
-    lit = m.lit.mean()
+def _light(m, capture) -> Iterator[Finding]:
+    """Orders that are a guess; too little light, contrast, or steps to tell the noise."""
+    lit, unsure = m.lit.mean(), _share(m, Reason.UNSURE)
+    if unsure > SHARE:
+        yield _finding("orders", share=unsure)
     level = float(np.median(m.modulation.min(axis=0)[m.lit])) if lit > 0 else 0.0
     if lit < 0.02 or level < 20 and _share(m, Reason.SATURATED) < 0.5:
         yield _finding("dark", severe=not m.mask.any(), lit=lit, level=level)
-
-
-def _contrast(m, capture) -> Iterator[Finding]:
-    if m.lit.any():
-        contrast = float(np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]))
-        if contrast < 0.3:
-            yield _finding("contrast", contrast=contrast)
-
-
-def _noise(m, capture) -> Iterator[Finding]:
+    contrast = np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]) if lit > 0 else 1.0
+    if contrast < 0.3:
+        yield _finding("contrast", contrast=contrast)
     if not m.noise.known:
         yield _finding("noise")
 

@@ -42,16 +42,11 @@ class Measurement:
         Radians, and grey levels of 255, at every pixel.
     average : (H, W) float32 array
         Mean of all photographs of the finest pitch, grey levels of 255.
-    Phi : (H, W) float32 array
-        Absolute phase of the finest pitch, radians; NaN outside the mask.
-    sigma : (H, W) float32 array
-        Its standard deviation by noise and modulation, radians; NaN outside the mask.
-    reason : (H, W) uint8 array
-        `Reason` of each pixel.
-    offsets, sharpness : (P - 1,) arrays
-        Of each two neighbouring pitches the circular mean of how far their columns part, as a
-        share of `fpputil.capture.quality.order_step`, 0 where they agree; and its length, 1 if
-        all pixels tell the same, near 0 if they tell nothing.
+    Phi, sigma : (H, W) float32 arrays
+        Absolute phase of the finest pitch, and its standard deviation by noise and modulation,
+        radians; NaN outside the mask.
+    reason, offsets, sharpness
+        As of `fpputil.capture.quality.judge`.
     noise : Noise
     gamma : float
         Exponent of the response that was taken back.
@@ -105,14 +100,7 @@ class Measurement:
         return points_of(self.Phi, self.pitch, system)
 
     def depth_sigma(self, depth: np.ndarray, system: System) -> np.ndarray:
-        """Standard deviation of a depth by noise alone, (H, W), mm: sigma over ``|dPhi/dz|``.
-
-        Parameters
-        ----------
-        depth : (H, W) array
-            mm; NaN where there is none.
-        system : System
-        """
+        """Standard deviation of a depth, (H, W), mm, by noise alone: sigma over ``|dPhi/dz|``."""
         rate = system.columns_per_mm(np.where(np.isfinite(depth), depth, system.z_min))
         with np.errstate(divide="ignore", invalid="ignore"):
             sigma = self.sigma * (self.pitch / unwrap.TWO_PI) / rate
@@ -120,8 +108,7 @@ class Measurement:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What there is to store, by name: float32 with NaN outside the mask; mask and reason."""
-        phases = {"wrapped": self.wrapped, "Phi": self.Phi, "sigma": self.sigma}
-        phases["coordinate"] = self.coordinate
+        phases = {name: getattr(self, name) for name in ("wrapped", "Phi", "sigma", "coordinate")}
         named = {k: np.where(self.mask, v, np.nan).astype("f4") for k, v in phases.items()}
         named |= {"modulation": self.modulation, "mask": self.mask, "reason": self.reason}
         return {f"{self.axis}_{name}": value for name, value in named.items()}
@@ -164,8 +151,7 @@ def measure(
     Raises
     ------
     ValueError
-        If there is no fringe along the axis, a photograph cannot be read or differs in size,
-        or the pitches do not suit the unwrapping.
+        As of `unwrapper`, or if a photograph cannot be read or differs in size.
 
     Examples
     --------
@@ -189,22 +175,23 @@ def measure(
         variance = noise_of([linearise(frames, gamma) for frames in sample], threshold)
     else:
         variance = Noise(noise**2, 0.0, True)
-    wrapped = np.stack([one.wrapped for one in fits])
-    Phis = unwrapped(wrapped)
-    judged = judge(fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis))
+    Phis = unwrapped(np.stack([one.wrapped for one in fits]))
+    reason, sigmas, offsets, sharpness = judge(
+        fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)
+    )
     finest = int(np.argmin([f.pitch for f in fringes]))
-    good = judged.reason == Reason.GOOD
+    good = reason == Reason.GOOD
     return Measurement(
         axis=axis,
         fringes=fringes,
-        wrapped=wrapped,
+        wrapped=np.stack([one.wrapped for one in fits]),
         modulation=np.stack([one.modulation for one in fits]),
         average=fits[finest].average,
         Phi=np.where(good, Phis[finest], np.nan).astype(np.float32),
-        sigma=np.where(good, judged.sigmas[finest], np.nan).astype(np.float32),
-        reason=judged.reason,
-        offsets=judged.offsets,
-        sharpness=judged.sharpness,
+        sigma=np.where(good, sigmas[finest], np.nan).astype(np.float32),
+        reason=reason,
+        offsets=offsets,
+        sharpness=sharpness,
         noise=variance,
         gamma=gamma,
         sample=sample,
@@ -229,6 +216,7 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
 
 
 def _by_minimum(pitches, axis, system, size) -> Callable:
+    """The function of `unwrapper` by the minimum phase (chapter 5)."""
     if system is None or axis != "column":
         lack = "no system" if system is None else "fringes along rows"
         raise ValueError(

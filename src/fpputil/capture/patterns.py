@@ -96,7 +96,24 @@ class Patterns:
         for name in ("projector", "fringes"):
             value = getattr(self, name)
             object.__setattr__(self, name, tuple(value) if isinstance(value, list) else value)
-        _check(self)
+        for name, (fits, needed) in NEEDED.items():
+            if not fits(value := getattr(self, name)):
+                raise ValueError(f"{name} {value!r} given; {needed}")
+        axes = [self.axes.index(f.axis) for f in self.fringes]
+        if axes != sorted(axes):
+            raise ValueError("fringes of both axes mixed; those of one axis stand together")
+        plain = FIELD.sub("", self.files)
+        if "{" in plain or "}" in plain:
+            raise ValueError(
+                f"files {self.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are "
+                "known, with the least number of digits as in {step:02}"
+            )
+        names = [] if "*" in self.files else [shot.file for shot in self.shots()]
+        if twice := [name for name, number in Counter(names).items() if number > 1]:
+            raise ValueError(
+                f"files {self.files!r} given; {twice[0]} would be several photographs: name the "
+                "axis, the pitch and the step where there are several"
+            )
 
     @property
     def axes(self) -> list[str]:
@@ -153,7 +170,15 @@ class Patterns:
         if not path.is_file():
             raise FileNotFoundError(f"{path} given; there is no such pattern file")
         try:
-            return _from_dict(tomllib.loads(path.read_text()))
+            entries = tomllib.loads(path.read_text())
+            if unknown := sorted(set(entries) - set(KEYS)):
+                raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}")
+            for name in ("projector", "fringes"):
+                if not isinstance(entries.get(name), list):
+                    raise ValueError(
+                        f"no list {name!r} found; projector and [[fringes]] are needed"
+                    )
+            return cls(**{**entries, "fringes": [_fringe(f) for f in entries["fringes"]]})
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: {error}") from error
 
@@ -163,9 +188,8 @@ class Patterns:
 
         def filled(match):
             value, digits = values[match[1]], match[2] or "0"
-            if isinstance(value, str):
-                return value
-            return f"{value:{digits}g}" if match[1] == "pitch" else f"{value:{digits}d}"
+            kind = "g" if match[1] == "pitch" else "d"
+            return value if match[1] == "axis" else f"{value:{digits}{kind}}"
 
         return FIELD.sub(filled, self.files)
 
@@ -194,28 +218,6 @@ class Patterns:
 def natural(name: str) -> list:
     """Key that sorts step-2 before step-10."""
     return [(int(p), p) if p.isdecimal() else (0, p) for p in re.split(r"([0-9]+)", name)]
-
-
-def _check(p: Patterns) -> None:
-    for name, (fits, needed) in NEEDED.items():
-        value = getattr(p, name)
-        if not fits(value):
-            raise ValueError(f"{name} {value!r} given; {needed}")
-    if [f.axis for f in p.fringes] != sorted((f.axis for f in p.fringes), key=p.axes.index):
-        raise ValueError("fringes of both axes mixed; those of one axis stand together")
-    plain = FIELD.sub("", p.files)
-    if "{" in plain or "}" in plain:
-        raise ValueError(
-            f"files {p.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are known, "
-            "with the least number of digits as in {step:02}"
-        )
-    names = Counter(() if "*" in p.files else (shot.file for shot in p.shots()))
-    twice = [name for name, number in names.items() if number > 1]
-    if twice:
-        raise ValueError(
-            f"files {p.files!r} given; {twice[0]} would be several photographs: name the axis, the "
-            "pitch and the step where there are several"
-        )
 
 
 def _is_whole(value, least: int, most: float = float("inf")) -> bool:
@@ -255,23 +257,11 @@ NEEDED = {
 
 def _toml(p: Patterns) -> str:
     lines = [f"projector = [{p.projector[0]}, {p.projector[1]}]"]
-    for name in KEYS[1:-1]:
-        value = getattr(p, name)
-        lines.append(f"{name} = {json.dumps(value, ensure_ascii=False)}")
+    lines += [f"{name} = {json.dumps(getattr(p, name), ensure_ascii=False)}" for name in KEYS[1:-1]]
     for f in p.fringes:
         lines += ["", "[[fringes]]", f'axis = "{f.axis}"', f"pitch = {f.pitch!r}"]
         lines.append(f"steps = {f.steps}")
     return "\n".join(lines) + "\n"
-
-
-def _from_dict(data: dict) -> Patterns:
-    unknown = sorted(set(data) - set(KEYS))
-    if unknown:
-        raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}")
-    for name in ("projector", "fringes"):
-        if not isinstance(data.get(name), list):
-            raise ValueError(f"no list {name!r} found; projector and [[fringes]] are needed")
-    return Patterns(**{**data, "fringes": tuple(_fringe(f) for f in data["fringes"])})
 
 
 def _fringe(entry) -> Fringe:

@@ -28,10 +28,8 @@ class Capture:
     patterns : Patterns
     shots : tuple of Shot
         In the order of time, all there.
-    size : (height, width)
-        Pixels of every photograph.
-    dtype : numpy.dtype
-        uint8, uint16 or float32, of every photograph.
+    size, dtype
+        Of every photograph: (height, width), pixels; uint8, uint16 or float32.
     full : float
         Grey level at which the camera is saturated.
     """
@@ -53,8 +51,9 @@ class Capture:
         for shot in self.shots:
             if shot.fringe < 0 and shot.step == 0:
                 self._read(shot)  # which says so if it differs from the others
-                image = read_colours(self.folder / shot.file) * self.scale
-                return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+                image = _pixels(self.folder / shot.file) * self.scale
+                image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+                return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
         return None
 
     def of(self, fringe: int) -> list[Shot]:
@@ -109,7 +108,7 @@ def open_capture(
     missing = sorted({s.file for s in shots} - set(readable))
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        jpeg = sum(Path(n).suffix.lower() in (".jpg", ".jpeg") for n in names)
+        jpeg = sum(n.lower().endswith((".jpg", ".jpeg")) for n in names)
         lossy = f", JPEG ({jpeg} files here) is not: its compression turns the phase"
         raise FileNotFoundError(
             f"{', '.join(missing[:3])}{more} missing in {folder}: {len(shots) - len(missing)} of "
@@ -154,23 +153,25 @@ def read_photograph(path: str | Path) -> np.ndarray:
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
 
 
-def read_colours(path: str | Path) -> np.ndarray:
-    """One photograph as (H, W, 3) red, green, blue, uint8, uint16 or float32; grey is repeated.
-
-    Raises as `read_photograph` does.
-    """
-    image = _pixels(Path(path))
-    return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
-
-
 def _pixels(path: Path) -> np.ndarray:
     """(H, W), or (H, W, 3) with red first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path} given; {_suffixes()} files are read")
-    data = path.read_bytes()
-    image = _array(path, data) if path.suffix.lower() == ".npy" else _image(path, data)
+    data, is_array = path.read_bytes(), path.suffix.lower() == ".npy"
+    kind = "an array of numbers" if is_array else "an image that OpenCV reads"
+    try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
+        if is_array:
+            image = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+        else:
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
+        raise ValueError(f"{path} is cut, or not {kind} ({error})") from error
+    if image is None:
+        raise ValueError(f"{path} is cut, or not {kind}")
+    if not is_array and image.ndim == 3 and image.shape[2] >= 3:
+        image = image[..., [2, 1, 0]]
     if image.dtype.kind == "f":
         image = image.astype(np.float32, copy=False)
     elif image.dtype not in (np.uint8, np.uint16):
@@ -184,26 +185,6 @@ def _pixels(path: Path) -> np.ndarray:
     if not np.isfinite(image).all():
         raise ValueError(f"{path} has pixels that are NaN or infinite; photograph again")
     return np.ascontiguousarray(image)
-
-
-def _image(path: Path, data: bytes) -> np.ndarray:
-    try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    except cv2.error as error:
-        raise ValueError(f"{path} cannot be read: {error.err or 'OpenCV refuses it'}") from error
-    if image is None:
-        raise ValueError(f"{path} is cut, or not an image that OpenCV reads")
-    return image[..., [2, 1, 0]] if image.ndim == 3 and image.shape[2] >= 3 else image
-
-
-def _array(path: Path, data: bytes) -> np.ndarray:
-    try:
-        image = np.load(io.BytesIO(data), allow_pickle=False)
-    except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
-        raise ValueError(f"{path} is cut, or not an array of numbers ({error})") from error
-    if not isinstance(image, np.ndarray):
-        raise ValueError(f"{path} holds several arrays; a photograph is one, (H, W)")
-    return image
 
 
 def _there(folder: Path) -> Path:

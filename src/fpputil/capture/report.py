@@ -93,33 +93,26 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     wrapped = np.where(m.mask, m.wrapped[m.finest], np.nan)
     high = float(np.nanpercentile(m.sigma, 98)) if m.mask.any() else 1.0
     plotting.frame(axes[0], m.average[few], "average of the finest fringe")
-    _grey_levels(axes[1], m)
+    lit = [frames[:, np.ptp(frames, axis=0) > 2 * THRESHOLD] for frames in m.sample]
+    title = "grey levels where fringes are seen"
+    _histogram(axes[1], m, lit, 256, xlabel="grey level", title=title, yticks=[])
     plotting.quantity(axes[2], m.modulation[m.finest][few], "modulation", "grey levels")
     plotting.wrapped(axes[3], wrapped[few], f"wrapped phase, pitch {m.pitch:g}")
     plotting.absolute(axes[4], m.Phi[few])
     plotting.quantity(axes[5], m.sigma[few], "uncertainty", "rad", 0, high)
     _suspects(axes[6], m.reason[few])
-    _modulations(axes[7], m)
+    labels = {"xlabel": "modulation, grey levels", "title": "modulation", "yscale": "log"}
+    _histogram(axes[7], m, m.modulation, 128, **labels)
     _profile(axes[8], m) if depth is None else plotting.depth(axes[8], depth[few])
     return fig
 
 
-def _grey_levels(ax, m: Measurement) -> None:
+def _histogram(ax, m: Measurement, values, top: float, **labels) -> None:
     """How often each grey level occurs, per pitch."""
-    how = {"bins": 64, "range": (0, 256), "histtype": "step"}
-    for frames, fringe in zip(m.sample, m.fringes, strict=True):
-        lit = np.ptp(frames, axis=0) > 2 * THRESHOLD
-        ax.hist(frames[:, lit].ravel(), label=f"pitch {fringe.pitch:g}", **how)
-    ax.set(xlabel="grey level", title="grey levels where fringes are seen", yticks=[])
-    ax.set(xlim=(0, 256))
-    ax.legend(fontsize=7)
-
-
-def _modulations(ax, m: Measurement) -> None:
-    how = {"bins": 64, "range": (0, 128), "histtype": "step"}
-    for B, fringe in zip(m.modulation, m.fringes, strict=True):
-        ax.hist(B.ravel(), label=f"pitch {fringe.pitch:g}", **how)
-    ax.set(xlabel="modulation, grey levels", title="modulation", yscale="log", xlim=(0, 128))
+    for levels, fringe in zip(values, m.fringes, strict=True):
+        how = {"bins": 64, "range": (0, top), "histtype": "step"}
+        ax.hist(levels.ravel(), label=f"pitch {fringe.pitch:g}", **how)
+    ax.set(xlim=(0, top), **labels)
     ax.legend(fontsize=7)
 
 
