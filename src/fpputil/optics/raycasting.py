@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -19,19 +20,8 @@ from fpputil.optics.view import View
 Albedo = float | np.ndarray | Callable[[np.ndarray], np.ndarray]
 
 
-@dataclass(frozen=True, eq=False)
-class Tree:
-    """A mesh as Embree's tree: build it once, cast many views.
-
-    Parameters
-    ----------
-    vertices : (V, 3) array
-        World coordinates, mm.
-    faces : (F, 3) array
-        Vertices of each triangle.
-    scene : EmbreeScene
-        The tree over them.
-    """
+class Tree(NamedTuple):
+    """A mesh, vertices (V, 3) in mm and faces (F, 3), with Embree's tree over them."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -39,7 +29,7 @@ class Tree:
 
 
 def bvh(mesh: trimesh.Trimesh) -> Tree:
-    """Embree's tree over the faces of a mesh, a bounding volume hierarchy.
+    """Embree's tree over the faces of a mesh, a bounding volume hierarchy, for many views.
 
     Embree works in float32: keep the world's origin near the rig.
     """
@@ -63,7 +53,8 @@ def raycast(
     """See a mesh through a system: one ray a pixel, one shadow ray back to the projector.
 
     A pixel is in the mask if its ray meets the outside of a face that the projector lights:
-    facing it, within its image, and not in the shadow of another face.
+    facing it, within its image, and not in the shadow of another face. The measuring range of the
+    system is not asked.
 
     Parameters
     ----------
@@ -90,10 +81,6 @@ def raycast(
     ValueError
         If the mesh lies outside the view, or no pixel of it is lit.
 
-    Notes
-    -----
-    The measuring range of the system is not asked: what lies outside it is seen all the same.
-
     Examples
     --------
     >>> from fpputil.optics import preset, shapes
@@ -110,8 +97,11 @@ def raycast(
     view = _cast(tree, system, **look)
     if supersample == 1:
         return view
-    finer = replace(system, camera=_finer(system.camera, supersample))
-    return replace(view, fine=_cast(tree, finer, **look))
+    s, camera = supersample, system.camera
+    K = camera.K * ((s,), (s,), (1,))
+    K[:2, 2] += (s - 1) / 2
+    finer = replace(camera, width=camera.width * s, height=camera.height * s, K=K)
+    return replace(view, fine=_cast(tree, replace(system, camera=finer), **look))
 
 
 def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
@@ -191,13 +181,6 @@ def check_reflectance(albedo: np.ndarray) -> None:
         raise ValueError(
             "albedo with NaN, infinite or negative values given; all must be 0 or more"
         )
-
-
-def _finer(camera: Pinhole, s: int) -> Pinhole:
-    K = camera.K.copy()
-    K[:2] *= s
-    K[:2, 2] += (s - 1) / 2
-    return replace(camera, width=camera.width * s, height=camera.height * s, K=K)
 
 
 def _dot(a, b):

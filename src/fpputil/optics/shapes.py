@@ -47,11 +47,6 @@ def sphere(
         inside the sphere by at most 0.30 * 4**-subdivisions of the radius, on average 0.18: the
         default, 81920 faces of radius 100 mm, by at most 0.0071 and on average 0.0045 mm.
 
-    Returns
-    -------
-    trimesh.Trimesh
-        Closed, normals outwards.
-
     Examples
     --------
     >>> ball = sphere(100, (0, 0, 680), subdivisions=3)
@@ -94,7 +89,7 @@ def step_block(
     length: float = 120.0,
     z: float = 700.0,
 ) -> trimesh.Trimesh:
-    """Stairs facing the camera, from left to right. Chapter 6.
+    """Stairs, closed, facing the camera on the optical axis, from left to right. Chapter 6.
 
     Parameters
     ----------
@@ -104,11 +99,6 @@ def step_block(
         Extent of one step along x, and of all along y, in mm.
     z : float
         Depth of the back face in mm.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        Closed, normals outwards, centred on the optical axis in x and y.
 
     Examples
     --------
@@ -252,9 +242,8 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
     Parameters
     ----------
     path : path
-        A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF; or NPZ with
-        arrays ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models. A scene
-        becomes one mesh, each of its parts in its place.
+        A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF, a scene as one
+        mesh; or NPZ with ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models.
 
     Returns
     -------
@@ -267,9 +256,8 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the format is unknown, the file cannot be read or holds less than its header
-        promises, has no faces, or has vertices that are not finite. An OBJ file promises
-        nothing: cut off between two lines, it reads as a smaller mesh.
+        If the format is unknown, the file is cut or has no faces, or a vertex is not finite. An
+        OBJ file promises nothing: cut off between two lines, it reads as a smaller mesh.
 
     Examples
     --------
@@ -286,7 +274,8 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
         known = ", ".join(formats())
         raise ValueError(f"{path} ends in {suffix!r}; the mesh formats read here are {known}")
     try:
-        mesh = (_npz_mesh if suffix == "npz" else _trimesh_mesh)(path)
+        npz = suffix == "npz"
+        mesh = _npz_mesh(path) if npz else trimesh.load_scene(path, process=False).to_mesh()
         promised = _promised_faces(path, suffix)
     except Exception as error:  # each format's reader fails in its own way
         reason = f"{type(error).__name__}: {error}"
@@ -322,10 +311,6 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         )
 
 
-def _trimesh_mesh(path: Path) -> trimesh.Trimesh:
-    return trimesh.load_scene(path, process=False).to_mesh()
-
-
 def _npz_mesh(path: Path) -> trimesh.Trimesh:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
         vertices, facets = stored["vertices"], stored["facets"]
@@ -340,12 +325,10 @@ def _npz_mesh(path: Path) -> trimesh.Trimesh:
 def _promised_faces(path: Path, suffix: str) -> int:
     """Faces, polygons counted once, that the header of a PLY or OFF file promises; else 0."""
     with path.open("rb") as file:
-        head = file.read(65536)
-    if suffix == "off":
-        counts = re.match(rb"\s*\w*OFF\s+\d+\s+(\d+)", re.sub(rb"#.*", b"", head))
-    else:
-        counts = re.search(rb"element\s+face\s+(\d+)", head) if suffix == "ply" else None
-    return int(counts[1]) if counts else 0
+        head = re.sub(rb"#.*", b"", file.read(65536))
+    counts = {"off": rb"\A\s*\w*OFF\s+\d+\s+(\d+)", "ply": rb"element\s+face\s+(\d+)"}
+    promise = re.search(counts[suffix], head) if suffix in counts else None
+    return int(promise[1]) if promise else 0
 
 
 def _albedo(points, waves, phases, low, high) -> np.ndarray:

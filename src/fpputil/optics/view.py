@@ -68,14 +68,9 @@ class View:
         fringes : Fringe or sequence of Fringe
             The projected patterns, in the order of the frames.
         noise, seed, **camera
-            gain, ambient, gamma, saturation, quantise: as for `photograph`.
+            As for `photograph`, as is the result.
         steps : sequence of int, optional
             Which steps of each fringe to photograph; all by default.
-
-        Returns
-        -------
-        (N, H, W) array
-            uint8 or float64; N is the number of steps of all fringes together.
 
         Examples
         --------
@@ -91,7 +86,7 @@ class View:
         return self.photograph(patterns, noise, seed, **camera)
 
     def plain(self, **camera) -> np.ndarray:
-        """The view in plain white light, (H, W); keyword arguments as for `photograph`."""
+        """The view in plain white light, (H, W); arguments as for `photograph`."""
         return self.photograph(WHITE, **camera)[0]
 
     def dark(self, **camera) -> np.ndarray:
@@ -138,11 +133,6 @@ class View:
         (N, H, W) array
             uint8 or float64; N is 1, or the number of steps of all fringes together.
 
-        Raises
-        ------
-        ValueError
-            If a parameter is out of range, or noise is asked for without a seed.
-
         Examples
         --------
         >>> flat = np.ones((2, 3))
@@ -150,11 +140,21 @@ class View:
         >>> view.photograph(100.0, ambient=20)[0, 0].tolist()
         [70, 70, 70]
         """
-        _check_camera(noise, seed, gain, ambient, gamma, saturation)
-        if isinstance(light, list):
-            number = sum(len(steps) for _, steps in light)
-        else:
-            number, light = 1, _sent(light)
+        not_negative("noise", noise, "grey levels")
+        if noise and seed is None:
+            raise ValueError(f"noise {noise} without a seed given; random draws need a seed")
+        positive("gain", gain)
+        positive("gamma", gamma)
+        not_negative("ambient", ambient, "grey levels")
+        if saturation is not None:
+            positive("saturation", saturation, "grey levels")
+        number = sum(len(steps) for _, steps in light) if isinstance(light, list) else 1
+        if not isinstance(light, list):
+            light = np.asarray(light, np.float64)
+            if not ((light >= 0) & (light <= WHITE)).all():
+                raise ValueError(
+                    f"light {light.min()} to {light.max()} given; a projector sends 0 to 255"
+                )
         dtype = np.float32 if quantise else np.float64
         out = np.empty((number, *self.mask.shape), np.uint8 if quantise else dtype)
         rng = seeded(seed) if noise else None
@@ -200,13 +200,6 @@ class View:
                     yield (shade * fringe.intensity(coordinate, n)).astype(dtype)[None]
 
 
-def _sent(light) -> np.ndarray:
-    light = np.asarray(light, np.float64)
-    if not ((light >= 0) & (light <= WHITE)).all():
-        raise ValueError(f"light {light.min()} to {light.max()} given; a projector sends 0 to 255")
-    return light
-
-
 def _sinusoids(fringe, steps, coordinate, shade) -> Iterator[np.ndarray]:
     """Shaded steps of Eq. 1, by ``cos(phase + delta)`` taken apart: two cosines serve them all."""
     dtype = shade.dtype.type
@@ -231,14 +224,3 @@ def _which(fringe: Fringe, steps: Sequence[int] | None) -> Sequence[int]:
             f"{fringe.steps - 1}, and a photograph needs one"
         )
     return steps
-
-
-def _check_camera(noise, seed, gain, ambient, gamma, saturation):
-    not_negative("noise", noise, "grey levels")
-    if noise and seed is None:
-        raise ValueError(f"noise {noise} without a seed given; random draws need a seed")
-    positive("gain", gain)
-    positive("gamma", gamma)
-    not_negative("ambient", ambient, "grey levels")
-    if saturation is not None:
-        positive("saturation", saturation, "grey levels")

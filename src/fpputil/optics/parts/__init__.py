@@ -14,28 +14,14 @@ from fpputil.checks import seeded
 from fpputil.optics.parts import milled, turned
 from fpputil.optics.parts.stock import to_mesh
 
+NAMES = """
+    bracket flange gear housing knob shaft lattice tee bolt nut
+    pulley heatsink wheel clevis camshaft ports fan pillow conrod channel
+""".split()
 FAMILIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
-    "bracket": milled.bracket,
-    "flange": turned.flange,
-    "gear": turned.gear,
-    "housing": milled.housing,
-    "knob": turned.knob,
-    "shaft": turned.shaft,
-    "lattice": milled.lattice,
-    "tee": turned.tee,
-    "bolt": turned.bolt,
-    "nut": turned.nut,
-    "pulley": turned.pulley,
-    "heatsink": milled.heatsink,
-    "wheel": turned.wheel,
-    "clevis": milled.clevis,
-    "camshaft": turned.camshaft,
-    "ports": milled.ports,
-    "fan": turned.fan,
-    "pillow": milled.pillow,
-    "conrod": milled.conrod,
-    "channel": milled.channel,
+    name: getattr(milled, name, None) or getattr(turned, name) for name in NAMES
 }
+"""The makers of parts by name; a seed draws one by its place."""
 
 
 def family_of(seed: int) -> str:
