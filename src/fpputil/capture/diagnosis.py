@@ -148,7 +148,7 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_repeated, _frequencies, _offset, _saturation, _projector, _response, _light)
+    checks = (_repeated, _frequencies, _offset, _clipping, _response, _light)
     findings = [finding for check in checks for finding in check(measurement, capture)]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
@@ -174,7 +174,10 @@ def _repeated(m, capture) -> Iterator[Finding]:
     """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
     numbers = [k for k, f in enumerate(capture.patterns.fringes) if f.axis == m.axis]
     for k, (frames, number) in enumerate(zip(m.sample, numbers, strict=True)):
-        frames = _strong(linearise(frames, m.gamma))
+        frames = linearise(frames, m.gamma)
+        turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
+        strong = (2 / len(frames) * np.abs(turn @ frames) > 16) & (frames.max(axis=0) < 254)
+        frames = frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
         if frames.shape[1] < 20:
             continue
         files = [shot.file for shot in capture.of(number)]
@@ -219,20 +222,16 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
 
 
 def local_frequencies(m: Measurement) -> np.ndarray:
-    """Median local frequency of each pitch across the picture, radians a pixel, (P,); signed.
+    """Median local frequency of each pitch along its axis, radians a pixel, (P,); signed.
 
-    From left to right for fringes along columns, downwards for those along rows. Above pi a
-    pixel it wraps, and tells nothing.
+    Above pi a pixel it wraps, and tells nothing.
     """
-    along, lit = (1 if m.axis == "column" else 0), m.lit
-    medians = []
+    along, lit, medians = (1 if m.axis == "column" else 0), m.lit, []
     for phi in m.wrapped:
         phasor = np.exp(1j * phi)
         turn = np.roll(phasor, -1, along) * phasor.conj() * (lit & np.roll(lit, -1, along))
-        real, imaginary = (
-            cv2.boxFilter(np.ascontiguousarray(part, np.float32), -1, SMOOTH)
-            for part in (turn.real, turn.imag)
-        )
+        parts = [np.ascontiguousarray(part, np.float32) for part in (turn.real, turn.imag)]
+        real, imaginary = (cv2.boxFilter(part, -1, SMOOTH) for part in parts)
         medians.append(np.median(np.arctan2(imaginary, real)[lit]) if lit.any() else np.nan)
     return np.array(medians)
 
@@ -247,14 +246,11 @@ def _offset(m, capture) -> Iterator[Finding]:
             yield _finding("disagree", pair=pair)
 
 
-def _saturation(m, capture) -> Iterator[Finding]:
+def _clipping(m, capture) -> Iterator[Finding]:
+    """Saturation of the camera; else fringes whose bright halves are flat by the projector."""
     share = _share(m, Reason.SATURATED)
     if share > SHARE:
         yield _finding("saturated", severe=share > 0.5, share=share)
-
-
-def _projector(m, capture) -> Iterator[Finding]:
-    """Fringes whose bright halves are flat although the camera is not saturated."""
     for k, frames in enumerate(m.sample):
         low, high = frames.min(axis=0), frames.max(axis=0)
         use = (high - low > 40) & (high < 0.97 * 255)
@@ -291,13 +287,6 @@ def _light(m, capture) -> Iterator[Finding]:
         yield _finding("contrast", contrast=contrast)
     if not m.noise.known:
         yield _finding("noise")
-
-
-def _strong(frames) -> np.ndarray:
-    """Up to `STRONG` pixels of (N, S) that see the fringes well and are not saturated."""
-    turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
-    strong = (2 / len(frames) * np.abs(turn @ frames) > 16) & (frames.max(axis=0) < 254)
-    return frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
 
 
 def misfits(frames) -> list[int]:

@@ -133,20 +133,15 @@ def measure(
     threshold : float
         Least modulation of every pitch, grey levels of 255.
     gamma : float or None
-        Exponent of the response, which is taken back (`fpputil.capture.gamma`). None estimates it
-        from the fringe of most steps, if that has five or more and another one fewer: from five
-        steps on the harmonics of a response fall out, and taking it back would only raise the
-        noise of the dark.
+        Exponent of the response, which is taken back. None estimates it from the fringe of most
+        steps, if that has five or more and another one fewer: from five steps on the harmonics of
+        a response fall out, and taking it back would only raise the noise of the dark.
     noise : float, optional
         Standard deviation of the camera's noise, grey levels of 255; by default estimated.
     system : System, optional
         Needed by patterns that are unwrapped by the minimum phase.
     each : callable, optional
         Called with the number of photographs after each fringe that was read.
-
-    Returns
-    -------
-    Measurement
 
     Raises
     ------
@@ -201,11 +196,8 @@ def measure(
 def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable:
     """Function from wrapped phases (P, H, W) to absolute ones, checked before any phase is there.
 
-    Raises
-    ------
-    ValueError
-        If there is no fringe along the axis, the pitches do not suit the unwrapping, or it needs
-        a system that is not given.
+    ValueError if there is no fringe along the axis, the pitches do not suit the unwrapping, or it
+    needs a system that is not given.
     """
     pitches, width = [f.pitch for f in patterns.along(axis)], patterns.width(axis)
     if patterns.unwrap == "minimum":
@@ -248,15 +240,12 @@ def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.
     """
     patterns = capture.patterns
     numbers = [k for k, f in enumerate(patterns.fringes) if f.axis == axis]
-    v_u = np.ix_(
-        *(np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int)) for n in capture.size)
-    )
-    fits, sample = {}, {}
+    ticks = [np.linspace(0, n - 1, min(n, SAMPLE)).astype(int) for n in capture.size]
+    fits, sample, few = {}, {}, min(patterns.fringes[k].steps for k in numbers) < LEAST_STEPS
     for k in sorted(numbers, key=lambda k: (-patterns.fringes[k].steps, patterns.fringes[k].pitch)):
         fringe, frames = patterns.fringes[k], capture.frames(k)
-        grid = frames[:, *v_u].reshape(fringe.steps, -1) * np.float32(capture.scale)
+        grid = frames[:, *np.ix_(*ticks)].reshape(fringe.steps, -1) * np.float32(capture.scale)
         if gamma is None:
-            few = min(patterns.fringes[n].steps for n in numbers) < LEAST_STEPS
             gamma = _gamma(grid) if few else 1.0
         fits[k], sample[k] = fit(frames, fringe, patterns.shift, gamma, capture.full), grid
         del frames  # before those of the next fringe are read

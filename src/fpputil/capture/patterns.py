@@ -133,10 +133,7 @@ class Patterns:
     def shots(self, folder_names: Sequence[str] | None = None) -> list[Shot]:
         """All photographs in the order of time, plain light first.
 
-        Parameters
-        ----------
-        folder_names : sequence of str, optional
-            Names in the folder; needed if `files` has a ``*``.
+        If `files` has a ``*``, it needs the names in the folder.
         """
         pairs = [(k, n) for k, f in enumerate(self.fringes) for n in range(f.steps)]
         if self.order == "step":

@@ -16,6 +16,7 @@ from fpputil.checks import positive
 from fpputil.optics.fringes import WHITE
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
+READ = ", ".join(suffix[1:] for suffix in SUFFIXES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +71,13 @@ class Capture:
         return frames
 
     def _read(self, shot: Shot) -> np.ndarray:
-        image = read_photograph(self.folder / shot.file)
-        if image.shape != self.size or image.dtype != self.dtype:
+        path = self.folder / shot.file
+        image = read_photograph(path)
+        (height, width), (h, w) = image.shape, self.size
+        if (height, width) != (h, w) or image.dtype != self.dtype:
             raise ValueError(
-                f"{self.folder / shot.file} is {_kind(image.shape, image.dtype)}, the first "
-                f"photograph {_kind(self.size, self.dtype)}; all need one size and depth"
+                f"{path} is {width} x {height} of {image.dtype}, the first photograph {w} x {h} of "
+                f"{self.dtype}; all need one size and depth"
             )
         return image
 
@@ -112,7 +115,7 @@ def open_capture(
         lossy = f", JPEG ({jpeg} files here) is not: its compression turns the phase"
         raise FileNotFoundError(
             f"{', '.join(missing[:3])}{more} missing in {folder}: {len(shots) - len(missing)} of "
-            f"{len(shots)} photographs found; {_suffixes()} are read{lossy if jpeg else ''}"
+            f"{len(shots)} photographs found; {READ} are read{lossy if jpeg else ''}"
         )
     first = read_photograph(folder / shots[0].file)
     depth = 65535.0 if first.dtype == np.uint16 else WHITE
@@ -158,7 +161,7 @@ def _pixels(path: Path) -> np.ndarray:
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
     if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{path} given; {_suffixes()} files are read")
+        raise ValueError(f"{path} given; {READ} files are read")
     data, is_array = path.read_bytes(), path.suffix.lower() == ".npy"
     kind = "an array of numbers" if is_array else "an image that OpenCV reads"
     try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
@@ -191,11 +194,3 @@ def _there(folder: Path) -> Path:
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} given; there is no such folder")
     return folder
-
-
-def _suffixes() -> str:
-    return ", ".join(s[1:] for s in SUFFIXES)
-
-
-def _kind(shape, dtype) -> str:
-    return f"{shape[1]} x {shape[0]} of {dtype}"

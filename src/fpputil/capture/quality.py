@@ -222,10 +222,8 @@ def judge(
         near 0 if they tell nothing.
     """
     reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
-    sigmas = [
-        _look(one, fringe.steps, noise, threshold, reason)
-        for one, fringe in zip(fits, fringes, strict=True)
-    ]
+    pairs = zip(fits, fringes, strict=True)
+    sigmas = [_look(one, fringe.steps, noise, threshold, reason) for one, fringe in pairs]
     for k in range(len(fits) - 1):
         sigma = np.hypot(sigmas[k], sigmas[k + 1])
         _mark_unsteady(fits[k].modulation, fits[k + 1].modulation, sigma, reason)
@@ -310,9 +308,6 @@ def _apart(Phis, pitches, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarr
     if method == "mw" and len(pitches) > 2:
         beats = [beat(p, q) for p, q in zip(pitches, pitches[1:], strict=False)]
         order = np.argsort(beats)
-        yield from _apart(
-            [Phis[j] - Phis[j + 1] for j in order],
-            [beats[j] for j in order],
-            [np.hypot(sigmas[j], sigmas[j + 1]) for j in order],  # a difference has both's noise
-            method,
-        )
+        both = [np.hypot(sigmas[j], sigmas[j + 1]) for j in order]  # a difference has both's noise
+        Phis = [Phis[j] - Phis[j + 1] for j in order]
+        yield from _apart(Phis, [beats[j] for j in order], both, method)

@@ -36,15 +36,7 @@ def page(
 ) -> str:
     """The report as one HTML page without any other file. Chapter 12.
 
-    Parameters
-    ----------
-    title : str
-    measurements : sequence of Measurement
-        One for each axis.
-    findings : sequence of Finding
-        Of all of them.
-    depth : (H, W) array, optional
-        mm.
+    It takes the `Measurement` of each axis, the findings of all of them, and the depth, (H, W), mm.
     """
     from jinja2 import Environment
 
@@ -81,11 +73,7 @@ def report_numbers(measurement: Measurement) -> dict[str, str]:
 def overview(measurement: Measurement, depth=None) -> Figure:
     """Photograph, grey levels, modulation, phases, uncertainty and what is not in the mask.
 
-    Parameters
-    ----------
-    measurement : Measurement
-    depth : (H, W) array, optional
-        mm; without it a row of projector columns is drawn in its place.
+    Without the depth, (H, W), mm, a row of projector columns is drawn in its place.
     """
     m, shape = measurement, measurement.average.shape
     fig, axes = plotting.panels(3, 3, 11.0, shape[0] / shape[1])

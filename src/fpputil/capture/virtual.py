@@ -37,11 +37,6 @@ def photograph(
     Yields
     ------
     Shot, (H, W) uint8 array
-
-    Raises
-    ------
-    ValueError
-        If the patterns are for another projector, or an option is out of range.
     """
     (width, height), projector = patterns.projector, system.projector
     if (width, height) != (projector.width, projector.height):

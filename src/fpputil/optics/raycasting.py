@@ -12,7 +12,6 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from fpputil.checks import not_negative, positive, whole
-from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
 from fpputil.optics.view import View
@@ -137,14 +136,11 @@ def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
         shade = shade + specular * np.clip(_dot(normal, half), 0, 1) ** shininess
     shade = shade * (white_at / distance) ** 2
     depth = points @ camera.R[2] + camera.t[2]
-    return _view(camera, hit, pixel, shade, depth)
 
-
-def _view(camera: Pinhole, hit, pixel, shade, depth) -> View:
     def image(values, empty, dtype=np.float32):
-        out = np.full(camera.height * camera.width, empty, dtype)
-        out[hit] = values
-        return out.reshape(camera.height, camera.width)
+        out = np.full((camera.height, camera.width), empty, dtype)
+        out.flat[hit] = values
+        return out
 
     column, row = image(pixel[:, 0], np.nan), image(pixel[:, 1], np.nan)
     return View(column, row, image(shade, 0), image(depth, np.nan), image(True, False, bool))

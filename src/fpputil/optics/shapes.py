@@ -34,7 +34,7 @@ CENTRE = (0.0, 0.0, 650.0)
 def sphere(
     radius: float = 100.0, centre: ArrayLike = (0.0, 0.0, 680.0), subdivisions: int = 6
 ) -> trimesh.Trimesh:
-    """Sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
+    """Closed sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
 
     Parameters
     ----------
@@ -117,15 +117,10 @@ def step_block(
 
 
 def rotation(about_y: float, about_z: float) -> np.ndarray:
-    """Turn about the paper's y axis, then its z axis, as a (3, 3) matrix in camera axes. Chapter 2.
+    """Turn by degrees about the paper's y axis, then its z axis, (3, 3) in camera axes. Chapter 2.
 
     The paper's axes are Blender's, as in its Table 2: the y axis is the camera's x (the object
     tips over), the z axis points up, the camera's -y (the object turns as on a table).
-
-    Parameters
-    ----------
-    about_y, about_z : float
-        Angles in degrees.
 
     Examples
     --------
@@ -147,7 +142,7 @@ def place(
     centre: ArrayLike = CENTRE,
     rotation: ArrayLike | None = None,
 ) -> trimesh.Trimesh:
-    """Copy of a mesh, scaled, turned and moved in front of the camera. Chapter 2.
+    """A copy of a mesh, scaled, turned and moved in front of the camera. Chapter 2.
 
     All three act on the ball around the mesh: the smallest one that has its centre in the
     middle of the bounding box. It does not change with the pose, and neither does the scale.
@@ -155,7 +150,6 @@ def place(
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        Left as it is.
     size : float, optional
         Diameter of the ball in mm; None keeps the scale.
     centre : (3,) array_like
@@ -189,11 +183,7 @@ def views(
 def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
     """Smooth albedo all through space, like veins in marble, drawn from a seed. Chapter 2.
 
-    Returns
-    -------
-    callable
-        Takes points (P, 3) in mm, gives their albedo (P,), within 0.3 to 0.95. It can be
-        pickled, so it may cross to another process.
+    It takes points (P, 3) in mm, gives their albedo (P,), within 0.3 to 0.95, and can be pickled.
 
     Examples
     --------
@@ -213,12 +203,8 @@ def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
 def genus(mesh: trimesh.Trimesh) -> int:
     """Genus of a closed surface, the number of through holes, from the Euler characteristic.
 
-    ``chi = V - E + F = 2 (parts - genus)``, the genera of the connected parts summed. Chapter 2.
-
-    Raises
-    ------
-    ValueError
-        If the surface is open or has no faces.
+    ``chi = V - E + F = 2 (parts - genus)``, the genera of the connected parts summed; the surface
+    must be closed. Chapter 2.
 
     Examples
     --------

@@ -82,7 +82,13 @@ class View:
         fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
         if not fringes:
             raise ValueError("no fringe given; a photograph needs at least one pattern")
-        patterns = [(fringe, _which(fringe, steps)) for fringe in fringes]
+        for fringe in fringes if steps is not None else ():
+            if not len(steps) or not all(n in range(fringe.steps) for n in steps):
+                raise ValueError(
+                    f"steps {list(steps)} given; a fringe of {fringe.steps} steps has steps 0 to "
+                    f"{fringe.steps - 1}, and a photograph needs one"
+                )
+        patterns = [(f, range(f.steps) if steps is None else steps) for f in fringes]
         return self.photograph(patterns, noise, seed, **camera)
 
     def plain(self, **camera) -> np.ndarray:
@@ -213,14 +219,3 @@ def _sinusoids(fringe, steps, coordinate, shade) -> Iterator[np.ndarray]:
         light += half
         light -= np.multiply.outer(np.sin(delta).astype(dtype), sine)
         yield light
-
-
-def _which(fringe: Fringe, steps: Sequence[int] | None) -> Sequence[int]:
-    if steps is None:
-        return range(fringe.steps)
-    if not len(steps) or not all(n in range(fringe.steps) for n in steps):
-        raise ValueError(
-            f"steps {list(steps)} given; a fringe of {fringe.steps} steps has steps 0 to "
-            f"{fringe.steps - 1}, and a photograph needs one"
-        )
-    return steps

@@ -54,7 +54,7 @@ def picture(
     Raises
     ------
     ValueError
-        If a body is empty or not finite, or a projector comes without a fringe.
+        If a projector comes without a fringe.
     ImportError
         If Blender does not run here.
     """
@@ -66,7 +66,10 @@ def picture(
         shaders.check(projector, [fringe])
     eye = looking(look_from, look_at, size, angle)
     with studio.opened(eye, whole("samples", samples, 1)) as (bpy, shoot):
-        studio.set_bounces(bpy, 2)
+        settings = bpy.context.scene.cycles
+        settings.max_bounces = 2  # light goes on from surface to surface
+        # Veils let all of it through, without dice.
+        settings.min_transparent_bounces = settings.transparent_max_bounces = 128
         shaders.daylight(bpy, eye, sky=0.3, sun=0.9)
         for mesh, colour in bodies:
             _stand(bpy, mesh, colour, None if projector is None else projector.centre)

@@ -98,19 +98,6 @@ def solid(bpy, triangles: np.ndarray, material, **values: np.ndarray):
     return thing
 
 
-def repaint(bpy, material) -> None:
-    """Give every solid another material."""
-    for mesh in bpy.data.meshes:
-        mesh.materials[0] = material
-
-
-def set_bounces(bpy, number: int) -> None:
-    """Let light go on from surface to surface; veils let all of it through, without dice."""
-    settings = bpy.context.scene.cycles
-    settings.max_bounces = number
-    settings.min_transparent_bounces = settings.transparent_max_bounces = 128
-
-
 def add(bpy, data, pinhole: Pinhole):
     """A camera or lamp, put where the pinhole is."""
     thing = bpy.data.objects.new(data.name, data)

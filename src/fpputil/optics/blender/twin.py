@@ -56,9 +56,8 @@ def photograph(
 
     Notes
     -----
-    Eq. 1, chapter 2. Ray caster and Cycles differ in pixels within a hundredth of a pixel of an
-    edge; there Cycles may also let a facet shade the one beside it, one pixel in a hundred
-    thousand.
+    Ray caster and Cycles differ in pixels within a hundredth of a pixel of an edge; there Cycles
+    may also let a facet shade the one beside it, one pixel in a hundred thousand.
     """
     fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
     if not fringes:
@@ -119,7 +118,7 @@ def see(
     with _staged(mesh, system, albedo, white_at, 1) as (bpy, lamp, shoot):
         shaders.throw(lamp, projector, shaders.address(projector))
         light = shoot()
-        studio.repaint(bpy, shaders.glow_by_depth(bpy))
+        bpy.data.meshes[0].materials[0] = shaders.glow_by_depth(bpy)
         depth = shoot()[..., 0]
     shade = light[..., 2]
     mask = shade > 0
