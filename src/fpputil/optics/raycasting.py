@@ -60,7 +60,6 @@ def raycast(
     mesh : trimesh.Trimesh or Tree
         Vertices in world coordinates, mm; the result of ``bvh(mesh)`` if several views share it.
     system : System
-        Camera and projector.
     albedo : float, (F,) array or callable
         Diffuse reflectance: one for all, one for each face, or a function of points
         (P, 3), mm, that returns (P,).
@@ -70,10 +69,6 @@ def raycast(
         Distance from the projector, mm, at which a white face square to the light reads 255.
     supersample : int
         s casts s x s rays a pixel, so that pixels on an edge mix what they see.
-
-    Returns
-    -------
-    View
 
     Raises
     ------
@@ -107,12 +102,11 @@ def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
     camera, projector = system.camera, system.projector
     rays = camera.rays().reshape(-1, 3)
     hit = np.flatnonzero(np.isfinite(rays[:, 0]))
-    face = np.full(len(rays), -1)
-    face[hit] = _run(tree.scene, camera.centre, rays[hit], "INTERSECT")
-    hit = np.flatnonzero(face >= 0)
+    face = _run(tree.scene, camera.centre, rays[hit], "INTERSECT")
+    hit, face = hit[face >= 0], face[face >= 0]
     if hit.size == 0:
         raise outside_view(tree.vertices)
-    rays, face = rays[hit], face[hit]
+    rays = rays[hit]
     corners = tree.vertices[tree.faces[face]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -173,7 +167,7 @@ def outside_view(vertices: np.ndarray) -> ValueError:
 
 def check_reflectance(albedo: np.ndarray) -> None:
     """ValueError unless every albedo is finite and 0 or more."""
-    if not (np.isfinite(albedo).all() and (albedo >= 0).all()):
+    if not (np.isfinite(albedo) & (albedo >= 0)).all():
         raise ValueError(
             "albedo with NaN, infinite or negative values given; all must be 0 or more"
         )

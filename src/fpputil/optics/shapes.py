@@ -60,12 +60,10 @@ def sphere(
 
 
 def plane(z: float, half_width: float = 300.0, half_height: float | None = None) -> trimesh.Trimesh:
-    """Plane at depth ``z``, facing the camera: two triangles of normal (0, 0, -1). Chapter 2.
+    """Plane at depth ``z`` mm, facing the camera: two triangles of normal (0, 0, -1). Chapter 2.
 
     Parameters
     ----------
-    z : float
-        Depth in mm.
     half_width, half_height : float
         Extent on either side of the optical axis in mm; the height is 3/4 of the width unless
         given. The defaults fill the presets' view up to z = 1000 mm.
@@ -234,8 +232,7 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
     Returns
     -------
     trimesh.Trimesh
-        Equal vertices merged, faces that they leave without area dropped; no colours, no
-        textures. `place` brings it into view.
+        Equal vertices merged, faces that they leave without area dropped; no colours.
 
     Raises
     ------

@@ -222,8 +222,8 @@ def _to_yaml(system: System) -> str:
         pinhole = getattr(system, name)
         for entry in PINHOLE[:-1] if pinhole.distortion.size == 0 else PINHOLE:
             store.write(f"{name}_{entry}", getattr(pinhole, entry))
-    store.write("z_min", system.z_min)
-    store.write("z_max", system.z_max)
+    for name in ("z_min", "z_max"):
+        store.write(name, getattr(system, name))
     return store.releaseAndGetString()
 
 

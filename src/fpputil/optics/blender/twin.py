@@ -94,23 +94,14 @@ def see(
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh
-        Vertices in world coordinates, mm.
-    system : System
-        Camera (without distortion and skew) and projector (without distortion).
-    albedo : float or (F,) array
-        Diffuse reflectance: one for all, or one for each face.
-    white_at : float
-        Distance from the projector, mm, at which a white face square to the light reads 255.
-
-    Returns
-    -------
-    View
+    mesh, system, albedo, white_at
+        As of `raycast`; no distortion, no skew of the camera, an albedo for all or one for each
+        face, (F,).
 
     Raises
     ------
     ValueError
-        As `fpputil.optics.raycasting.raycast`; also for what Blender cannot do.
+        As of `raycast`; also for what Blender cannot do.
     ImportError
         If Blender does not run here.
     """

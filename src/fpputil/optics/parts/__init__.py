@@ -30,7 +30,7 @@ def family_of(seed: int) -> str:
 
 
 def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
-    """Machine part number ``seed``, a closed mesh about 120 mm long, centred on the origin.
+    """Machine part number ``seed``, a watertight mesh about 120 mm long around the origin.
 
     Chapter 2.
 
@@ -41,11 +41,6 @@ def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
         byte for byte.
     family : str, optional
         A name out of `FAMILIES`, instead of the family the seed would choose.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        Watertight, normals outwards; vertices (V, 3) in mm.
 
     Examples
     --------
