@@ -136,10 +136,10 @@ def decode_folder(
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
             write_arrays(partial / "decoded.npz", arrays, compress=False)
-            for name, values in arrays.items() if pictures else ():
+            for key, values in arrays.items() if pictures else ():
                 if values.dtype.kind != "f":  # a mask as 0 and 255, a reason as it is
                     values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
-                tifffile.imwrite(partial / f"{name}.tif", values, photometric="minisblack")
+                tifffile.imwrite(partial / f"{key}.tif", values, photometric="minisblack")
         if report:
             html = page(f"Decoding of {name}", measurements, findings, depth)
             (partial / "report.html").write_text(html, encoding="utf-8")

@@ -200,15 +200,10 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
     needs a system that is not given.
     """
     pitches, width = [f.pitch for f in patterns.along(axis)], patterns.width(axis)
-    if patterns.unwrap == "minimum":
-        return _by_minimum(pitches, axis, system, size)
-    method = unwrap.TEMPORAL[patterns.unwrap]
-    method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
-    return lambda wrapped: method(list(wrapped), pitches, width)
-
-
-def _by_minimum(pitches, axis, system, size) -> Callable:
-    """The function of `unwrapper` by the minimum phase (chapter 5)."""
+    if patterns.unwrap != "minimum":
+        method = unwrap.TEMPORAL[patterns.unwrap]
+        method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
+        return lambda wrapped: method(list(wrapped), pitches, width)
     if system is None or axis != "column":
         lack = "no system" if system is None else "fringes along rows"
         raise ValueError(

@@ -244,10 +244,8 @@ NEEDED = {
     "order": (lambda v: v in ORDERS, f"one of {', '.join(ORDERS)} is needed"),
     "first": (lambda v: _is_whole(v, 0), "a whole number of 0 or more is needed"),
     "files": (_is_name, "names in the folder itself are needed"),
-    **dict.fromkeys(
-        ("white", "black"),
-        (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
-    ),
+    "white": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
+    "black": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
 }
 """Of each entry of `Patterns` what it must be, and how that is said."""
 

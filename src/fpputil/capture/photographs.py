@@ -49,13 +49,13 @@ class Capture:
 
     def colours(self) -> np.ndarray | None:
         """Photograph in plain light as (H, W, 3) uint8 red, green, blue, if there is one."""
-        for shot in self.shots:
-            if shot.fringe < 0 and shot.step == 0:
-                self._read(shot)  # which says so if it differs from the others
-                image = _pixels(self.folder / shot.file) * self.scale
-                image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
-                return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
-        return None
+        white = self.shots[0]
+        if white.fringe >= 0 or white.step != 0:
+            return None
+        self._read(white)  # which says so if it differs from the others
+        image = np.rint(_pixels(self.folder / white.file) * self.scale)
+        image = np.clip(image, 0, 255).astype(np.uint8)
+        return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
 
     def of(self, fringe: int) -> list[Shot]:
         """Photographs of a fringe by step."""

@@ -91,7 +91,12 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     _suspects(axes[6], m.reason[few])
     labels = {"xlabel": "modulation, grey levels", "title": "modulation", "yscale": "log"}
     _histogram(axes[7], m, m.modulation, 128, **labels)
-    _profile(axes[8], m) if depth is None else plotting.depth(axes[8], depth[few])
+    if depth is None:
+        line = int(np.argmax(m.mask.sum(axis=1)))
+        axes[8].plot(m.coordinate[line])
+        axes[8].set(xlabel="camera column", ylabel=f"projector {m.axis}", title=f"row {line}")
+    else:
+        plotting.depth(axes[8], depth[few])
     return fig
 
 
@@ -110,9 +115,3 @@ def _suspects(ax, reason) -> None:
     bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
     ax.set(xticks=[], yticks=[], title="why a pixel is left out")
     ax.grid(False)
-
-
-def _profile(ax, m: Measurement) -> None:
-    line = int(np.argmax(m.mask.sum(axis=1)))
-    ax.plot(m.coordinate[line])
-    ax.set(xlabel="camera column", ylabel=f"projector {m.axis}", title=f"row {line}")

@@ -143,7 +143,7 @@ def fringe_set(pitches: Iterable[float], steps: int | Iterable[int] = 15, **opti
     steps : int or sequence of int
         Steps of all, or of each, pitch.
     **options
-        Passed to every `Fringe`.
+        Of every `Fringe`.
 
     Examples
     --------

@@ -66,10 +66,9 @@ class Pinhole:
                 "last row 0 0 1, or its rays are undefined"
             )
         rotation("R", R)
-        if distortion.size not in (0, 4, 5, 8, 12, 14):
+        if (k := distortion.size) not in (0, 4, 5, 8, 12, 14):
             raise ValueError(
-                f"{distortion.size} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or "
-                "14"
+                f"{k} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or 14"
             )
 
     @property
@@ -162,12 +161,11 @@ def camera_matrix(focal: float, width: int, height: int) -> np.ndarray:
 
 
 def looking(look_from, look_at, size: tuple[int, int], angle: float) -> Pinhole:
-    """The pinhole of a viewer at one point who looks at another.
+    """The pinhole of a viewer at one point, mm, who looks at another, the world's -y up.
 
     Parameters
     ----------
     look_from, look_at : (3,) arrays
-        Eye and target, mm. Up in the picture is the world's -y.
     size : (width, height)
         Pixels.
     angle : float

@@ -61,8 +61,7 @@ def raycast(
         Vertices in world coordinates, mm; the result of ``bvh(mesh)`` if several views share it.
     system : System
     albedo : float, (F,) array or callable
-        Diffuse reflectance: one for all, one for each face, or a function of points
-        (P, 3), mm, that returns (P,).
+        Diffuse reflectance: of all, of each face, or a function of points (P, 3), mm, to (P,).
     specular, shininess : float
         Weight and exponent of Blinn's highlight.
     white_at : float
@@ -87,15 +86,15 @@ def raycast(
     positive("shininess", shininess)
     positive("white_at", white_at, "mm")
     tree = mesh if isinstance(mesh, Tree) else bvh(mesh)
-    look = {"albedo": albedo, "specular": specular, "shininess": shininess, "white_at": white_at}
-    view = _cast(tree, system, **look)
+    look = albedo, specular, shininess, white_at
+    view = _cast(tree, system, *look)
     if supersample == 1:
         return view
     s, camera = supersample, system.camera
     K = camera.K * ((s,), (s,), (1,))
     K[:2, 2] += (s - 1) / 2
     finer = replace(camera, width=camera.width * s, height=camera.height * s, K=K)
-    return replace(view, fine=_cast(tree, replace(system, camera=finer), **look))
+    return replace(view, fine=_cast(tree, replace(system, camera=finer), *look))
 
 
 def _cast(tree, system, albedo, specular, shininess, white_at) -> View:

@@ -153,7 +153,7 @@ def place(
     centre : (3,) array_like
         Where the centre of the ball goes, mm.
     rotation : (3, 3) array_like, optional
-        Rotation matrix, as from `rotation` or out of `rotations`; None keeps the pose.
+        As from `rotation` or out of `rotations`; None keeps the pose.
 
     Examples
     --------

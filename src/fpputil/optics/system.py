@@ -61,7 +61,6 @@ class System:
     Parameters
     ----------
     camera, projector : Pinhole
-        Both posed in the world.
     z_min, z_max : float
         Measuring range along the camera's axis, mm. Objects lie wholly inside it.
     """
@@ -123,10 +122,8 @@ class System:
     def save(self, path: str | os.PathLike) -> None:
         """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
         path = Path(path)
-        text = (
-            _to_yaml(self) if _is_yaml(path) else json.dumps(system_to_dict(self), indent=2) + "\n"
-        )
-        write_whole(path, text.encode())
+        plain = json.dumps(system_to_dict(self), indent=2) + "\n"
+        write_whole(path, (_to_yaml(self) if _is_yaml(path) else plain).encode())
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> System:

@@ -40,16 +40,16 @@ class View:
 
     def __post_init__(self):
         object.__setattr__(self, "mask", np.asarray(self.mask, bool))
-        shapes = {np.shape(a) for a in (self.column, self.row, self.shade, self.depth, self.mask)}
-        if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        values = [np.asarray(a) for a in (self.column, self.row, self.shade, self.depth)]
+        shapes = {a.shape for a in (*values, self.mask)}
+        if len(shapes) != 1 or self.mask.ndim != 2:
             raise ValueError(f"arrays of shapes {sorted(shapes)} given; a view needs one (H, W)")
         if not np.any(self.mask):
             raise ValueError(
                 "view with an empty mask given; at least one pixel must be seen and lit "
                 "(is the object in both images, and does it face the projector?)"
             )
-        values = (self.column, self.row, self.shade, self.depth)
-        if not all(np.isfinite(np.asarray(a)[self.mask]).all() for a in values):
+        if not all(np.isfinite(a[self.mask]).all() for a in values):
             raise ValueError("NaN or infinite values inside the mask given; all must be finite")
 
     def frames(
@@ -67,10 +67,10 @@ class View:
         ----------
         fringes : Fringe or sequence of Fringe
             The projected patterns, in the order of the frames.
-        noise, seed, **camera
-            As for `photograph`, as is the result.
         steps : sequence of int, optional
             Which steps of each fringe to photograph; all by default.
+        noise, seed, **camera
+            As of `photograph`, as is the result.
 
         Examples
         --------
@@ -137,7 +137,7 @@ class View:
         Returns
         -------
         (N, H, W) array
-            uint8 or float64; N is 1, or the number of steps of all fringes together.
+            N is 1, or the number of steps of all fringes together.
 
         Examples
         --------

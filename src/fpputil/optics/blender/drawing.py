@@ -55,8 +55,6 @@ def picture(
     ------
     ValueError
         If a projector comes without a fringe.
-    ImportError
-        If Blender does not run here.
     """
     if not bodies:
         raise ValueError("no body given; a picture needs at least one")
@@ -77,7 +75,9 @@ def picture(
             lamp = shaders.projector(bpy, projector, positive("white_at", white_at, "mm"))
             shaders.throw(lamp, projector, shaders.pattern(fringe))
         light = shoot()
-    return _srgb(light[..., :3] + (1 - light[..., 3:]))
+    light = np.clip(light[..., :3] + (1 - light[..., 3:]), 0, 1)
+    srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.rint(255 * srgb).astype(np.uint8)
 
 
 def sheets(projector: Pinhole, pitch: float, reach: float) -> trimesh.Trimesh:
@@ -105,10 +105,3 @@ def _stand(bpy, mesh, colour, lamp) -> None:
     around = lamp is not None and np.all((low <= lamp) & (lamp <= high))
     thing.visible_shadow = alpha == 1 and not around
     thing.visible_diffuse = alpha == 1
-
-
-def _srgb(linear) -> np.ndarray:
-    """Linear light 0 to 1 as the uint8 of a screen (sRGB)."""
-    x = np.clip(linear, 0, 1)
-    x = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.rint(255 * x).astype(np.uint8)

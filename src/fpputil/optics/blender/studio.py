@@ -86,8 +86,7 @@ def solid(bpy, triangles: np.ndarray, material, **values: np.ndarray):
     mesh.polygons.add(len(triangles))
     mesh.vertices.foreach_set("co", corners.ravel())
     mesh.loops.foreach_set("vertex_index", np.arange(len(corners), dtype=np.int32))
-    starts = np.arange(0, len(corners), 3, dtype=np.int32)
-    mesh.polygons.foreach_set("loop_start", starts)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
     for name, value in values.items():
         layer = mesh.attributes.new(name, "FLOAT", "FACE")
         layer.data.foreach_set("value", np.ascontiguousarray(value, np.float32))

@@ -39,13 +39,12 @@ def photograph(
     Parameters
     ----------
     mesh, system, albedo, white_at
-        As for `see`.
+        As of `see`.
     fringes : Fringe or sequence of Fringe
         The projected patterns, in the order of the frames; without defocus.
     samples : int
         1 looks through the centre of each pixel, as the ray caster does. More are spread by
-        Cycles' own pixel filter, 1.5 pixels wide: neighbours mix, as in a real camera, and the
-        spread is noise.
+        Cycles' own filter, 1.5 pixels wide: neighbours mix, as in a real camera, and it is noise.
     quantise : bool
         True for uint8, False for float64.
 
@@ -102,8 +101,6 @@ def see(
     ------
     ValueError
         As of `raycast`; also for what Blender cannot do.
-    ImportError
-        If Blender does not run here.
     """
     projector = system.projector
     with _staged(mesh, system, albedo, white_at, 1) as (bpy, lamp, shoot):

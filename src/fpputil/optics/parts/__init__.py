@@ -26,7 +26,7 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
 
 def family_of(seed: int) -> str:
     """The family that part number ``seed`` belongs to, without making the part."""
-    return _drawn(seeded(seed))
+    return NAMES[seeded(seed).integers(len(NAMES))]
 
 
 def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
@@ -48,14 +48,10 @@ def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
     True
     """
     rng = seeded(seed)
-    drawn = _drawn(rng)
+    drawn = NAMES[rng.integers(len(NAMES))]
     family = drawn if family is None else family
     if family not in FAMILIES:
         raise ValueError(f"family {family!r} given; the families are {', '.join(FAMILIES)}")
     mesh = to_mesh(FAMILIES[family](rng))
     mesh.apply_translation(-mesh.bounds.mean(axis=0))
     return mesh
-
-
-def _drawn(rng: np.random.Generator) -> str:
-    return list(FAMILIES)[rng.integers(len(FAMILIES))]

@@ -133,10 +133,8 @@ def channel(rng: np.random.Generator) -> Manifold:
     x, web, rise, t = rng.uniform([100, 45, 20, 1.4], [130, 70, 45, 2.8])
     second = float(rng.choice([-1, 1]))
     line = [(-web / 2, rise), (-web / 2, 0), (web / 2, 0), (web / 2, second * rise)]
-    legs = [
-        CrossSection.batch_hull([CrossSection.circle(t / 2, 24).translate(p) for p in pair])
-        for pair in pairwise(line)
-    ]
+    ends = [CrossSection.circle(t / 2, 24).translate(p) for p in line]
+    legs = [CrossSection.batch_hull(list(pair)) for pair in pairwise(ends)]
     sheet = (legs[0] + legs[1] + legs[2]).extrude(x).rotate((90, 0, 90)).translate((-x / 2, 0, 0))
     columns, rows = int(rng.integers(3, 7)), int(rng.integers(1, 3))
     size = 0.6 * x / columns, 0.4 * web / rows
