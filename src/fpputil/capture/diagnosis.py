@@ -18,10 +18,7 @@ from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Reason
 
 FINDINGS = {
-    "exchanged": (
-        "{first} and {second} are exchanged",
-        "exchange their names",
-    ),
+    "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
     "frame": (
         "{files}: does not fit the other steps of {fringe}",
         "photograph again: a trigger was missed, a step was shown twice or too late, or the light "
@@ -111,16 +108,9 @@ STRONG = 400  # pixels at which photographs are compared
 
 
 class Finding(NamedTuple):
-    """What speaks against a capture.
+    """What speaks against a capture: a key of `FINDINGS`, what is the matter, what to do about it.
 
-    Parameters
-    ----------
-    code : str
-        A key of `FINDINGS`.
-    severe : bool
-        True if the phases are wrong, not only noisier or fewer.
-    message, remedy : str
-        What is the matter, and what to do about it.
+    With a severe one the phases are wrong, not only noisier or fewer.
     """
 
     code: str
@@ -135,9 +125,8 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     Parameters
     ----------
     measurement : Measurement
-        What the fringes along one axis tell.
+        What the fringes along one axis of the capture tell.
     capture : Capture
-        Of which it was made.
 
     Returns
     -------
@@ -159,10 +148,7 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (
-        *(_repeated, _frequencies, _offset, _saturation, _projector),
-        *(_response, _orders, _darkness, _contrast, _noise),
-    )
+    checks = (_repeated, _frequencies, _offset, _clipping, _response, _light)
     findings = [finding for check in checks for finding in check(measurement, capture)]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
@@ -188,7 +174,10 @@ def _repeated(m, capture) -> Iterator[Finding]:
     """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
     numbers = [k for k, f in enumerate(capture.patterns.fringes) if f.axis == m.axis]
     for k, (frames, number) in enumerate(zip(m.sample, numbers, strict=True)):
-        frames = _strong(linearise(frames, m.gamma))
+        frames = linearise(frames, m.gamma)
+        turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
+        strong = (2 / len(frames) * np.abs(turn @ frames) > 16) & (frames.max(axis=0) < 254)
+        frames = frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
         if frames.shape[1] < 20:
             continue
         files = [shot.file for shot in capture.of(number)]
@@ -212,7 +201,7 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
     """Fringes whose pictures are as coarse as another one's should be."""
     if m.lit.sum() < 1000 or np.median(m.modulation[:, m.lit]) < 16:
         return  # a slow fringe cannot be told from noise
-    if len(frequencies) < 2 or not np.isfinite(frequencies).all() or (frequencies < 1e-3).any():
+    if len(frequencies) < 2 or not (frequencies >= 1e-3).all():
         return
     declared = np.array([f.pitch for f in m.fringes])
 
@@ -233,20 +222,16 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
 
 
 def local_frequencies(m: Measurement) -> np.ndarray:
-    """Median local frequency of each pitch across the picture, radians a pixel, (P,); signed.
+    """Median local frequency of each pitch along its axis, radians a pixel, (P,); signed.
 
-    From left to right for fringes along columns, downwards for those along rows. Above pi a
-    pixel it wraps, and tells nothing.
+    Above pi a pixel it wraps, and tells nothing.
     """
-    along, lit = (1 if m.axis == "column" else 0), m.lit
-    medians = []
+    along, lit, medians = (1 if m.axis == "column" else 0), m.lit, []
     for phi in m.wrapped:
         phasor = np.exp(1j * phi)
         turn = np.roll(phasor, -1, along) * phasor.conj() * (lit & np.roll(lit, -1, along))
-        real, imaginary = (
-            cv2.boxFilter(np.ascontiguousarray(part, np.float32), -1, SMOOTH)
-            for part in (turn.real, turn.imag)
-        )
+        parts = [np.ascontiguousarray(part, np.float32) for part in (turn.real, turn.imag)]
+        real, imaginary = (cv2.boxFilter(part, -1, SMOOTH) for part in parts)
         medians.append(np.median(np.arctan2(imaginary, real)[lit]) if lit.any() else np.nan)
     return np.array(medians)
 
@@ -261,14 +246,11 @@ def _offset(m, capture) -> Iterator[Finding]:
             yield _finding("disagree", pair=pair)
 
 
-def _saturation(m, capture) -> Iterator[Finding]:
+def _clipping(m, capture) -> Iterator[Finding]:
+    """Saturation of the camera; else fringes whose bright halves are flat by the projector."""
     share = _share(m, Reason.SATURATED)
     if share > SHARE:
         yield _finding("saturated", severe=share > 0.5, share=share)
-
-
-def _projector(m, capture) -> Iterator[Finding]:
-    """Fringes whose bright halves are flat although the camera is not saturated."""
     for k, frames in enumerate(m.sample):
         low, high = frames.min(axis=0), frames.max(axis=0)
         use = (high - low > 40) & (high < 0.97 * 255)
@@ -292,36 +274,19 @@ def _response(m, capture) -> Iterator[Finding]:
             return
 
 
-def _orders(m, capture) -> Iterator[Finding]:
-    share = _share(m, Reason.UNSURE)
-    if share > SHARE:
-        yield _finding("orders", share=share)
-
-
-def _darkness(m, capture) -> Iterator[Finding]:
-    lit = m.lit.mean()
+def _light(m, capture) -> Iterator[Finding]:
+    """Orders that are a guess; too little light, contrast, or steps to tell the noise."""
+    lit, unsure = m.lit.mean(), _share(m, Reason.UNSURE)
+    if unsure > SHARE:
+        yield _finding("orders", share=unsure)
     level = float(np.median(m.modulation.min(axis=0)[m.lit])) if lit > 0 else 0.0
     if lit < 0.02 or level < 20 and _share(m, Reason.SATURATED) < 0.5:
         yield _finding("dark", severe=not m.mask.any(), lit=lit, level=level)
-
-
-def _contrast(m, capture) -> Iterator[Finding]:
-    if m.lit.any():
-        contrast = float(np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]))
-        if contrast < 0.3:
-            yield _finding("contrast", contrast=contrast)
-
-
-def _noise(m, capture) -> Iterator[Finding]:
+    contrast = np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]) if lit > 0 else 1.0
+    if contrast < 0.3:
+        yield _finding("contrast", contrast=contrast)
     if not m.noise.known:
         yield _finding("noise")
-
-
-def _strong(frames) -> np.ndarray:
-    """Up to `STRONG` pixels of (N, S) that see the fringes well and are not saturated."""
-    turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
-    strong = (2 / len(frames) * np.abs(turn @ frames) > 16) & (frames.max(axis=0) < 254)
-    return frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
 
 
 def misfits(frames) -> list[int]:

@@ -15,7 +15,7 @@ from fpputil.calibration import Pose
 from fpputil.capture.diagnosis import Finding, diagnose
 from fpputil.capture.measurement import Measurement, measure
 from fpputil.capture.patterns import Patterns
-from fpputil.capture.photographs import Capture, open_capture
+from fpputil.capture.photographs import open_capture
 from fpputil.capture.report import page, report_numbers
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import depth_of
@@ -33,10 +33,8 @@ class DecodedFolder:
         Where the results lie.
     summary : dict
         What ``summary.json`` says; under ``decoded`` whether the phases were written.
-    measurements : tuple of Measurement
-        One for each axis of the patterns.
-    findings : tuple of Finding
-        What speaks against them.
+    measurements, findings : tuples of Measurement and Finding
+        Of each axis of the patterns; what speaks against them.
     points : (H, W, 3) array or None
         World coordinates, mm; NaN outside mask and measuring range. None without a system,
         without fringes along columns, or if the phases are wrong.
@@ -77,24 +75,14 @@ def decode_folder(
         Photographs.
     out : path, optional
         New folder; by default ``FOLDER-decoded``.
-    system : System, optional
-        A calibrated one, for millimetres.
     patterns, full
         As of `open_capture`.
-    threshold, gamma, noise
-        As of `measure`.
-    accept : bool
-        Write phases although they are wrong.
-    report, pictures : bool
-        Write ``report.html``; write TIFF files.
-    force : bool
-        Take the place of `out`.
-    progress : bool
-        Show a bar in a terminal.
-
-    Returns
-    -------
-    DecodedFolder
+    system, threshold, gamma, noise
+        As of `measure`; with a system there are points and depths, mm.
+    accept, report, pictures : bool
+        Write phases although they are wrong; write ``report.html``; write TIFF files.
+    force, progress : bool
+        Take the place of `out`; show a bar in a terminal.
 
     Raises
     ------
@@ -123,11 +111,9 @@ def decode_folder(
     out = folder.with_name(f"{name}-decoded") if out is None else Path(out)
     how = {"threshold": threshold, "gamma": gamma, "noise": noise, "system": system}
     with folder_whole(out, force) as partial:
-        total = sum(f.steps for f in capture.patterns.fringes)
-        with tqdm(
-            total=total, unit="photo", leave=False, disable=None if progress else True
-        ) as bar:
-            axes = capture.patterns.axes
+        axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)
+        quiet = None if progress else True
+        with tqdm(total=total, unit="photo", leave=False, disable=quiet) as bar:
             measurements = tuple(measure(capture, axis, **how, each=bar.update) for axis in axes)
         findings = tuple(f for one in measurements for f in diagnose(one, capture))
         decoded = accept or not any(f.severe for f in findings)
@@ -144,12 +130,16 @@ def decode_folder(
                 points = vertical.points(system)
                 depth = depth_of(points, system)
                 sigma = vertical.depth_sigma(depth, system)
-                colours = _colours(capture, vertical)
+                colours = capture.colours()
+                if colours is None:  # the average of the fringes stands in
+                    colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
             write_arrays(partial / "decoded.npz", arrays, compress=False)
-            if pictures:
-                _save_pictures(partial, arrays)
+            for key, values in arrays.items() if pictures else ():
+                if values.dtype.kind != "f":  # a mask as 0 and 255, a reason as it is
+                    values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
+                tifffile.imwrite(partial / f"{key}.tif", values, photometric="minisblack")
         if report:
             html = page(f"Decoding of {name}", measurements, findings, depth)
             (partial / "report.html").write_text(html, encoding="utf-8")
@@ -165,10 +155,8 @@ def board_pose(
 
     Parameters
     ----------
-    folder : path
-        Photographs of fringes along columns and rows on one pose of the board.
-    patterns : Patterns, optional
-        By default those of ``patterns.toml`` in the folder.
+    folder, patterns
+        As of `open_capture`, of fringes along columns and rows on one pose of the board.
 
     Returns
     -------
@@ -195,21 +183,6 @@ def board_pose(
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)
     return pose, capture.patterns.projector
-
-
-def _colours(capture: Capture, measurement: Measurement) -> np.ndarray:
-    """Colours of the points; the average of the fringes stands in for a white photograph."""
-    colours = capture.colours()
-    grey = measurement.average.astype(np.uint8)
-    return np.repeat(grey[..., None], 3, axis=2) if colours is None else colours
-
-
-def _save_pictures(folder: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write float32 TIFF, of P pages for a stack; masks as 0 and 255, reasons as they are."""
-    for name, values in arrays.items():
-        if values.dtype.kind != "f":
-            values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
-        tifffile.imwrite(folder / f"{name}.tif", values, photometric="minisblack")
 
 
 def _save_points(path: Path, points, colours, sigma) -> int:

@@ -52,18 +52,15 @@ def linearise(frames, gamma: float, full: float = WHITE):
 def harmonic_ratio(frames: np.ndarray, order: int) -> float:
     """Strength of a harmonic in photographs of a fringe, over that of the fringe. Chapter 12.
 
+    It is signed: positive where it is in step with the fringe, so that its bright half is the
+    narrower one. 0 for a linear response.
+
     Parameters
     ----------
     frames : (N, P) array
         All steps, equally shifted, at P pixels.
     order : int
         2 for the second harmonic; below N / 2.
-
-    Returns
-    -------
-    float
-        Signed: positive where it is in step with the fringe, so that its bright half is the
-        narrower one. 0 for a linear response.
 
     Examples
     --------
@@ -85,17 +82,14 @@ def harmonic_ratio(frames: np.ndarray, order: int) -> float:
 def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
     """Exponent of the response through which a fringe was photographed. Chapter 12.
 
+    Between 1/3 and 6.7. Of light from elsewhere it knows nothing: black should be 0.
+
     Parameters
     ----------
     frames : (N, P) array
         All N >= 5 steps at P pixels that are well lit and not saturated.
     full : float
         Grey level of saturation.
-
-    Returns
-    -------
-    float
-        Between 1/3 and 6.7. Of light from elsewhere it knows nothing: black should be 0.
 
     Raises
     ------
@@ -136,4 +130,4 @@ def _raised(frames, inverse: float, full: float):
 @lru_cache(maxsize=4)
 def _table(levels: int, inverse: float, full: float) -> np.ndarray:
     """Each grey level made linear."""
-    return (WHITE * (np.arange(levels) / full) ** inverse).astype(np.float32)
+    return _raised(np.arange(levels, dtype=float), inverse, full)

@@ -42,16 +42,11 @@ class Measurement:
         Radians, and grey levels of 255, at every pixel.
     average : (H, W) float32 array
         Mean of all photographs of the finest pitch, grey levels of 255.
-    Phi : (H, W) float32 array
-        Absolute phase of the finest pitch, radians; NaN outside the mask.
-    sigma : (H, W) float32 array
-        Its standard deviation by noise and modulation, radians; NaN outside the mask.
-    reason : (H, W) uint8 array
-        `Reason` of each pixel.
-    offsets, sharpness : (P - 1,) arrays
-        Of each two neighbouring pitches the circular mean of how far their columns part, as a
-        share of `fpputil.capture.quality.order_step`, 0 where they agree; and its length, 1 if
-        all pixels tell the same, near 0 if they tell nothing.
+    Phi, sigma : (H, W) float32 arrays
+        Absolute phase of the finest pitch, and its standard deviation by noise and modulation,
+        radians; NaN outside the mask.
+    reason, offsets, sharpness
+        As of `fpputil.capture.quality.judge`.
     noise : Noise
     gamma : float
         Exponent of the response that was taken back.
@@ -105,14 +100,7 @@ class Measurement:
         return points_of(self.Phi, self.pitch, system)
 
     def depth_sigma(self, depth: np.ndarray, system: System) -> np.ndarray:
-        """Standard deviation of a depth by noise alone, (H, W), mm: sigma over ``|dPhi/dz|``.
-
-        Parameters
-        ----------
-        depth : (H, W) array
-            mm; NaN where there is none.
-        system : System
-        """
+        """Standard deviation of a depth, (H, W), mm, by noise alone: sigma over ``|dPhi/dz|``."""
         rate = system.columns_per_mm(np.where(np.isfinite(depth), depth, system.z_min))
         with np.errstate(divide="ignore", invalid="ignore"):
             sigma = self.sigma * (self.pitch / unwrap.TWO_PI) / rate
@@ -120,8 +108,7 @@ class Measurement:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What there is to store, by name: float32 with NaN outside the mask; mask and reason."""
-        phases = {"wrapped": self.wrapped, "Phi": self.Phi, "sigma": self.sigma}
-        phases["coordinate"] = self.coordinate
+        phases = {name: getattr(self, name) for name in ("wrapped", "Phi", "sigma", "coordinate")}
         named = {k: np.where(self.mask, v, np.nan).astype("f4") for k, v in phases.items()}
         named |= {"modulation": self.modulation, "mask": self.mask, "reason": self.reason}
         return {f"{self.axis}_{name}": value for name, value in named.items()}
@@ -146,10 +133,9 @@ def measure(
     threshold : float
         Least modulation of every pitch, grey levels of 255.
     gamma : float or None
-        Exponent of the response, which is taken back (`fpputil.capture.gamma`). None estimates it
-        from the fringe of most steps, if that has five or more and another one fewer: from five
-        steps on the harmonics of a response fall out, and taking it back would only raise the
-        noise of the dark.
+        Exponent of the response, which is taken back. None estimates it from the fringe of most
+        steps, if that has five or more and another one fewer: from five steps on the harmonics of
+        a response fall out, and taking it back would only raise the noise of the dark.
     noise : float, optional
         Standard deviation of the camera's noise, grey levels of 255; by default estimated.
     system : System, optional
@@ -157,15 +143,10 @@ def measure(
     each : callable, optional
         Called with the number of photographs after each fringe that was read.
 
-    Returns
-    -------
-    Measurement
-
     Raises
     ------
     ValueError
-        If there is no fringe along the axis, a photograph cannot be read or differs in size,
-        or the pitches do not suit the unwrapping.
+        As of `unwrapper`, or if a photograph cannot be read or differs in size.
 
     Examples
     --------
@@ -189,22 +170,23 @@ def measure(
         variance = noise_of([linearise(frames, gamma) for frames in sample], threshold)
     else:
         variance = Noise(noise**2, 0.0, True)
-    wrapped = np.stack([one.wrapped for one in fits])
-    Phis = unwrapped(wrapped)
-    judged = judge(fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis))
+    Phis = unwrapped(np.stack([one.wrapped for one in fits]))
+    reason, sigmas, offsets, sharpness = judge(
+        fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)
+    )
     finest = int(np.argmin([f.pitch for f in fringes]))
-    good = judged.reason == Reason.GOOD
+    good = reason == Reason.GOOD
     return Measurement(
         axis=axis,
         fringes=fringes,
-        wrapped=wrapped,
+        wrapped=np.stack([one.wrapped for one in fits]),
         modulation=np.stack([one.modulation for one in fits]),
         average=fits[finest].average,
         Phi=np.where(good, Phis[finest], np.nan).astype(np.float32),
-        sigma=np.where(good, judged.sigmas[finest], np.nan).astype(np.float32),
-        reason=judged.reason,
-        offsets=judged.offsets,
-        sharpness=judged.sharpness,
+        sigma=np.where(good, sigmas[finest], np.nan).astype(np.float32),
+        reason=reason,
+        offsets=offsets,
+        sharpness=sharpness,
         noise=variance,
         gamma=gamma,
         sample=sample,
@@ -214,21 +196,14 @@ def measure(
 def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable:
     """Function from wrapped phases (P, H, W) to absolute ones, checked before any phase is there.
 
-    Raises
-    ------
-    ValueError
-        If there is no fringe along the axis, the pitches do not suit the unwrapping, or it needs
-        a system that is not given.
+    ValueError if there is no fringe along the axis, the pitches do not suit the unwrapping, or it
+    needs a system that is not given.
     """
     pitches, width = [f.pitch for f in patterns.along(axis)], patterns.width(axis)
-    if patterns.unwrap == "minimum":
-        return _by_minimum(pitches, axis, system, size)
-    method = unwrap.TEMPORAL[patterns.unwrap]
-    method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
-    return lambda wrapped: method(list(wrapped), pitches, width)
-
-
-def _by_minimum(pitches, axis, system, size) -> Callable:
+    if patterns.unwrap != "minimum":
+        method = unwrap.TEMPORAL[patterns.unwrap]
+        method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
+        return lambda wrapped: method(list(wrapped), pitches, width)
     if system is None or axis != "column":
         lack = "no system" if system is None else "fringes along rows"
         raise ValueError(
@@ -260,15 +235,12 @@ def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.
     """
     patterns = capture.patterns
     numbers = [k for k, f in enumerate(patterns.fringes) if f.axis == axis]
-    v_u = np.ix_(
-        *(np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int)) for n in capture.size)
-    )
-    fits, sample = {}, {}
+    ticks = [np.linspace(0, n - 1, min(n, SAMPLE)).astype(int) for n in capture.size]
+    fits, sample, few = {}, {}, min(patterns.fringes[k].steps for k in numbers) < LEAST_STEPS
     for k in sorted(numbers, key=lambda k: (-patterns.fringes[k].steps, patterns.fringes[k].pitch)):
         fringe, frames = patterns.fringes[k], capture.frames(k)
-        grid = frames[:, *v_u].reshape(fringe.steps, -1) * np.float32(capture.scale)
+        grid = frames[:, *np.ix_(*ticks)].reshape(fringe.steps, -1) * np.float32(capture.scale)
         if gamma is None:
-            few = min(patterns.fringes[n].steps for n in numbers) < LEAST_STEPS
             gamma = _gamma(grid) if few else 1.0
         fits[k], sample[k] = fit(frames, fringe, patterns.shift, gamma, capture.full), grid
         del frames  # before those of the next fringe are read

@@ -96,7 +96,24 @@ class Patterns:
         for name in ("projector", "fringes"):
             value = getattr(self, name)
             object.__setattr__(self, name, tuple(value) if isinstance(value, list) else value)
-        _check(self)
+        for name, (fits, needed) in NEEDED.items():
+            if not fits(value := getattr(self, name)):
+                raise ValueError(f"{name} {value!r} given; {needed}")
+        axes = [self.axes.index(f.axis) for f in self.fringes]
+        if axes != sorted(axes):
+            raise ValueError("fringes of both axes mixed; those of one axis stand together")
+        plain = FIELD.sub("", self.files)
+        if "{" in plain or "}" in plain:
+            raise ValueError(
+                f"files {self.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are "
+                "known, with the least number of digits as in {step:02}"
+            )
+        names = [] if "*" in self.files else [shot.file for shot in self.shots()]
+        if twice := [name for name, number in Counter(names).items() if number > 1]:
+            raise ValueError(
+                f"files {self.files!r} given; {twice[0]} would be several photographs: name the "
+                "axis, the pitch and the step where there are several"
+            )
 
     @property
     def axes(self) -> list[str]:
@@ -116,10 +133,7 @@ class Patterns:
     def shots(self, folder_names: Sequence[str] | None = None) -> list[Shot]:
         """All photographs in the order of time, plain light first.
 
-        Parameters
-        ----------
-        folder_names : sequence of str, optional
-            Names in the folder; needed if `files` has a ``*``.
+        If `files` has a ``*``, it needs the names in the folder.
         """
         pairs = [(k, n) for k, f in enumerate(self.fringes) for n in range(f.steps)]
         if self.order == "step":
@@ -153,7 +167,15 @@ class Patterns:
         if not path.is_file():
             raise FileNotFoundError(f"{path} given; there is no such pattern file")
         try:
-            return _from_dict(tomllib.loads(path.read_text()))
+            entries = tomllib.loads(path.read_text())
+            if unknown := sorted(set(entries) - set(KEYS)):
+                raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}")
+            for name in ("projector", "fringes"):
+                if not isinstance(entries.get(name), list):
+                    raise ValueError(
+                        f"no list {name!r} found; projector and [[fringes]] are needed"
+                    )
+            return cls(**{**entries, "fringes": [_fringe(f) for f in entries["fringes"]]})
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: {error}") from error
 
@@ -163,9 +185,8 @@ class Patterns:
 
         def filled(match):
             value, digits = values[match[1]], match[2] or "0"
-            if isinstance(value, str):
-                return value
-            return f"{value:{digits}g}" if match[1] == "pitch" else f"{value:{digits}d}"
+            kind = "g" if match[1] == "pitch" else "d"
+            return value if match[1] == "axis" else f"{value:{digits}{kind}}"
 
         return FIELD.sub(filled, self.files)
 
@@ -196,28 +217,6 @@ def natural(name: str) -> list:
     return [(int(p), p) if p.isdecimal() else (0, p) for p in re.split(r"([0-9]+)", name)]
 
 
-def _check(p: Patterns) -> None:
-    for name, (fits, needed) in NEEDED.items():
-        value = getattr(p, name)
-        if not fits(value):
-            raise ValueError(f"{name} {value!r} given; {needed}")
-    if [f.axis for f in p.fringes] != sorted((f.axis for f in p.fringes), key=p.axes.index):
-        raise ValueError("fringes of both axes mixed; those of one axis stand together")
-    plain = FIELD.sub("", p.files)
-    if "{" in plain or "}" in plain:
-        raise ValueError(
-            f"files {p.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are known, "
-            "with the least number of digits as in {step:02}"
-        )
-    names = Counter(() if "*" in p.files else (shot.file for shot in p.shots()))
-    twice = [name for name, number in names.items() if number > 1]
-    if twice:
-        raise ValueError(
-            f"files {p.files!r} given; {twice[0]} would be several photographs: name the axis, the "
-            "pitch and the step where there are several"
-        )
-
-
 def _is_whole(value, least: int, most: float = float("inf")) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool) and least <= value <= most
 
@@ -245,33 +244,19 @@ NEEDED = {
     "order": (lambda v: v in ORDERS, f"one of {', '.join(ORDERS)} is needed"),
     "first": (lambda v: _is_whole(v, 0), "a whole number of 0 or more is needed"),
     "files": (_is_name, "names in the folder itself are needed"),
-    **dict.fromkeys(
-        ("white", "black"),
-        (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
-    ),
+    "white": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
+    "black": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
 }
 """Of each entry of `Patterns` what it must be, and how that is said."""
 
 
 def _toml(p: Patterns) -> str:
     lines = [f"projector = [{p.projector[0]}, {p.projector[1]}]"]
-    for name in KEYS[1:-1]:
-        value = getattr(p, name)
-        lines.append(f"{name} = {json.dumps(value, ensure_ascii=False)}")
+    lines += [f"{name} = {json.dumps(getattr(p, name), ensure_ascii=False)}" for name in KEYS[1:-1]]
     for f in p.fringes:
         lines += ["", "[[fringes]]", f'axis = "{f.axis}"', f"pitch = {f.pitch!r}"]
         lines.append(f"steps = {f.steps}")
     return "\n".join(lines) + "\n"
-
-
-def _from_dict(data: dict) -> Patterns:
-    unknown = sorted(set(data) - set(KEYS))
-    if unknown:
-        raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}")
-    for name in ("projector", "fringes"):
-        if not isinstance(data.get(name), list):
-            raise ValueError(f"no list {name!r} found; projector and [[fringes]] are needed")
-    return Patterns(**{**data, "fringes": tuple(_fringe(f) for f in data["fringes"])})
 
 
 def _fringe(entry) -> Fringe:

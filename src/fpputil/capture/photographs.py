@@ -16,6 +16,7 @@ from fpputil.checks import positive
 from fpputil.optics.fringes import WHITE
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
+READ = ", ".join(suffix[1:] for suffix in SUFFIXES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +29,8 @@ class Capture:
     patterns : Patterns
     shots : tuple of Shot
         In the order of time, all there.
-    size : (height, width)
-        Pixels of every photograph.
-    dtype : numpy.dtype
-        uint8, uint16 or float32, of every photograph.
+    size, dtype
+        Of every photograph: (height, width), pixels; uint8, uint16 or float32.
     full : float
         Grey level at which the camera is saturated.
     """
@@ -50,12 +49,13 @@ class Capture:
 
     def colours(self) -> np.ndarray | None:
         """Photograph in plain light as (H, W, 3) uint8 red, green, blue, if there is one."""
-        for shot in self.shots:
-            if shot.fringe < 0 and shot.step == 0:
-                self._read(shot)  # which says so if it differs from the others
-                image = read_colours(self.folder / shot.file) * self.scale
-                return np.clip(np.rint(image), 0, 255).astype(np.uint8)
-        return None
+        white = self.shots[0]
+        if white.fringe >= 0 or white.step != 0:
+            return None
+        self._read(white)  # which says so if it differs from the others
+        image = np.rint(_pixels(self.folder / white.file) * self.scale)
+        image = np.clip(image, 0, 255).astype(np.uint8)
+        return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
 
     def of(self, fringe: int) -> list[Shot]:
         """Photographs of a fringe by step."""
@@ -71,11 +71,13 @@ class Capture:
         return frames
 
     def _read(self, shot: Shot) -> np.ndarray:
-        image = read_photograph(self.folder / shot.file)
-        if image.shape != self.size or image.dtype != self.dtype:
+        path = self.folder / shot.file
+        image = read_photograph(path)
+        (height, width), (h, w) = image.shape, self.size
+        if (height, width) != (h, w) or image.dtype != self.dtype:
             raise ValueError(
-                f"{self.folder / shot.file} is {_kind(image.shape, image.dtype)}, the first "
-                f"photograph {_kind(self.size, self.dtype)}; all need one size and depth"
+                f"{path} is {width} x {height} of {image.dtype}, the first photograph {w} x {h} of "
+                f"{self.dtype}; all need one size and depth"
             )
         return image
 
@@ -109,11 +111,11 @@ def open_capture(
     missing = sorted({s.file for s in shots} - set(readable))
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        jpeg = sum(Path(n).suffix.lower() in (".jpg", ".jpeg") for n in names)
+        jpeg = sum(n.lower().endswith((".jpg", ".jpeg")) for n in names)
         lossy = f", JPEG ({jpeg} files here) is not: its compression turns the phase"
         raise FileNotFoundError(
             f"{', '.join(missing[:3])}{more} missing in {folder}: {len(shots) - len(missing)} of "
-            f"{len(shots)} photographs found; {_suffixes()} are read{lossy if jpeg else ''}"
+            f"{len(shots)} photographs found; {READ} are read{lossy if jpeg else ''}"
         )
     first = read_photograph(folder / shots[0].file)
     depth = 65535.0 if first.dtype == np.uint16 else WHITE
@@ -154,23 +156,25 @@ def read_photograph(path: str | Path) -> np.ndarray:
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
 
 
-def read_colours(path: str | Path) -> np.ndarray:
-    """One photograph as (H, W, 3) red, green, blue, uint8, uint16 or float32; grey is repeated.
-
-    Raises as `read_photograph` does.
-    """
-    image = _pixels(Path(path))
-    return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
-
-
 def _pixels(path: Path) -> np.ndarray:
     """(H, W), or (H, W, 3) with red first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
     if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{path} given; {_suffixes()} files are read")
-    data = path.read_bytes()
-    image = _array(path, data) if path.suffix.lower() == ".npy" else _image(path, data)
+        raise ValueError(f"{path} given; {READ} files are read")
+    data, is_array = path.read_bytes(), path.suffix.lower() == ".npy"
+    kind = "an array of numbers" if is_array else "an image that OpenCV reads"
+    try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
+        if is_array:
+            image = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+        else:
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
+        raise ValueError(f"{path} is cut, or not {kind} ({error})") from error
+    if image is None:
+        raise ValueError(f"{path} is cut, or not {kind}")
+    if not is_array and image.ndim == 3 and image.shape[2] >= 3:
+        image = image[..., [2, 1, 0]]
     if image.dtype.kind == "f":
         image = image.astype(np.float32, copy=False)
     elif image.dtype not in (np.uint8, np.uint16):
@@ -186,35 +190,7 @@ def _pixels(path: Path) -> np.ndarray:
     return np.ascontiguousarray(image)
 
 
-def _image(path: Path, data: bytes) -> np.ndarray:
-    try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    except cv2.error as error:
-        raise ValueError(f"{path} cannot be read: {error.err or 'OpenCV refuses it'}") from error
-    if image is None:
-        raise ValueError(f"{path} is cut, or not an image that OpenCV reads")
-    return image[..., [2, 1, 0]] if image.ndim == 3 and image.shape[2] >= 3 else image
-
-
-def _array(path: Path, data: bytes) -> np.ndarray:
-    try:
-        image = np.load(io.BytesIO(data), allow_pickle=False)
-    except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
-        raise ValueError(f"{path} is cut, or not an array of numbers ({error})") from error
-    if not isinstance(image, np.ndarray):
-        raise ValueError(f"{path} holds several arrays; a photograph is one, (H, W)")
-    return image
-
-
 def _there(folder: Path) -> Path:
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} given; there is no such folder")
     return folder
-
-
-def _suffixes() -> str:
-    return ", ".join(s[1:] for s in SUFFIXES)
-
-
-def _kind(shape, dtype) -> str:
-    return f"{shape[1]} x {shape[0]} of {dtype}"

@@ -51,17 +51,9 @@ class Reason(IntEnum):
 class Fit(NamedTuple):
     """The sinusoid through the photographs of a fringe, at each pixel; all (H, W) float32 arrays.
 
-    Parameters
-    ----------
-    wrapped
-        phi, radians (Eq. 3).
-    modulation, average
-        I'' (Eq. 16) and I' (Eq. 2), grey levels of 255.
-    residual
-        Variance about the sinusoid, grey levels squared, with N - 3 degrees of freedom; 0 for
-        three steps.
-    clipped
-        Photographs in which the camera was saturated.
+    `wrapped` phi, radians (Eq. 3); `modulation` I'' (Eq. 16) and `average` I' (Eq. 2), grey levels
+    of 255; `residual`, the variance about the sinusoid with N - 3 degrees of freedom, grey levels
+    squared, 0 for three steps; `clipped`, the photographs in which the camera was saturated.
     """
 
     wrapped: np.ndarray
@@ -81,10 +73,8 @@ def fit(frames, fringe: Fringe, shift: int = 1, gamma: float = 1.0, full: float 
     fringe : Fringe
     shift : {1, -1}
         Direction of the steps.
-    gamma : float
-        Of the response, taken back first.
-    full : float
-        Grey level from which on the camera is saturated.
+    gamma, full : float
+        As of `fpputil.capture.gamma.linearise`, which is done first.
 
     Examples
     --------
@@ -118,16 +108,9 @@ def fit(frames, fringe: Fringe, shift: int = 1, gamma: float = 1.0, full: float 
 
 @dataclass(frozen=True)
 class Noise:
-    """Variance of a photograph's grey level: ``constant + slope * level``.
+    """Variance of a photograph's grey level of 255: ``constant + slope * level``.
 
-    Parameters
-    ----------
-    constant : float
-        Grey levels of 255, squared.
-    slope : float
-        Grey levels of 255.
-    known : bool
-        False if it could not be estimated, and the rounding of grey levels stands in for it.
+    It is not `known` if it could not be estimated; the rounding of grey levels then stands in.
     """
 
     constant: float
@@ -205,26 +188,6 @@ def _line(levels, variances) -> Noise:
     return Noise(float(constant), float(slope), True)
 
 
-class Judgement(NamedTuple):
-    """What speaks for and against the pixels of a capture.
-
-    Parameters
-    ----------
-    reason : (H, W) uint8 array
-        `Reason` of each pixel.
-    sigmas : list of P (H, W) arrays
-        Standard deviation of each wrapped phase by noise and modulation, radians.
-    offsets, sharpness : (P - 1,) arrays
-        Circular mean of how far the columns of neighbouring pitches part, as a share of
-        `order_step`, and its length, 0 to 1.
-    """
-
-    reason: np.ndarray
-    sigmas: list[np.ndarray]
-    offsets: np.ndarray
-    sharpness: np.ndarray
-
-
 def judge(
     fits: Sequence[Fit],
     fringes: Sequence[Fringe],
@@ -233,7 +196,7 @@ def judge(
     threshold: float,
     method: str,
     width: int,
-) -> Judgement:
+) -> tuple[np.ndarray, list[np.ndarray], np.ndarray, np.ndarray]:
     """Find a reason not to trust a pixel. Chapter 12.
 
     Parameters
@@ -244,19 +207,26 @@ def judge(
     noise : Noise
     threshold : float
         Least modulation of each pitch, grey levels.
-    method : str
-        Of unwrapping, as in `Patterns`.
-    width : int
-        Projector pixels along the axis.
+    method, width
+        `unwrap` and `width(axis)` of the `Patterns`.
+
+    Returns
+    -------
+    reason : (H, W) uint8 array
+        `Reason` of each pixel.
+    sigmas : list of P (H, W) arrays
+        Standard deviation of each wrapped phase by noise and modulation, radians.
+    offsets, sharpness : (P - 1,) arrays
+        Of each two neighbouring pitches the circular mean of how far their columns part, as a
+        share of `order_step`, 0 where they agree; and its length, 1 if all pixels tell the same,
+        near 0 if they tell nothing.
     """
     reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
-    sigmas = [
-        _look(one, fringe.steps, noise, threshold, reason)
-        for one, fringe in zip(fits, fringes, strict=True)
-    ]
+    pairs = zip(fits, fringes, strict=True)
+    sigmas = [_look(one, fringe.steps, noise, threshold, reason) for one, fringe in pairs]
     for k in range(len(fits) - 1):
-        change_sigma = np.hypot(sigmas[k], sigmas[k + 1])
-        _mark_unsteady(fits[k].modulation, fits[k + 1].modulation, change_sigma, reason)
+        sigma = np.hypot(sigmas[k], sigmas[k + 1])
+        _mark_unsteady(fits[k].modulation, fits[k + 1].modulation, sigma, reason)
     means = []
     for apart, sigma in _apart(Phis, pitches, sigmas, method):
         turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD])
@@ -265,10 +235,13 @@ def judge(
     means = np.array(means[: len(fits) - 1], complex)
     finest = int(np.argmin(pitches))
     column = Phis[finest] * np.float32(pitches[finest] / TWO_PI)
-    guard = _guard(pitches[0], sigmas[0][::FEW, ::FEW][reason[::FEW, ::FEW] == 0], method, width)
+    guard, few = 0.0, sigmas[0][::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD]
+    if method == "mf" and pitches[0] <= 1.05 * width and few.size:
+        # columns at either border that noise may throw to the other (chapter 4)
+        guard = min(guard_columns(float(np.median(few)), width), width / 4)
     inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
     _mark(reason, ~inside, Reason.OUTSIDE)
-    return Judgement(reason, sigmas, np.angle(means) / TWO_PI, np.abs(means))
+    return reason, sigmas, np.angle(means) / TWO_PI, np.abs(means)
 
 
 def order_step(method: str, p: float, q: float) -> float:
@@ -335,16 +308,6 @@ def _apart(Phis, pitches, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarr
     if method == "mw" and len(pitches) > 2:
         beats = [beat(p, q) for p, q in zip(pitches, pitches[1:], strict=False)]
         order = np.argsort(beats)
-        yield from _apart(
-            [Phis[j] - Phis[j + 1] for j in order],
-            [beats[j] for j in order],
-            [np.hypot(sigmas[j], sigmas[j + 1]) for j in order],  # a difference has both's noise
-            method,
-        )
-
-
-def _guard(pitch: float, sigma, method: str, width: int) -> float:
-    """Columns at either border that noise may throw to the other (chapter 4)."""
-    if method != "mf" or pitch > 1.05 * width or not sigma.size:
-        return 0.0
-    return min(guard_columns(float(np.median(sigma)), width), width / 4)
+        both = [np.hypot(sigmas[j], sigmas[j + 1]) for j in order]  # a difference has both's noise
+        Phis = [Phis[j] - Phis[j + 1] for j in order]
+        yield from _apart(Phis, [beats[j] for j in order], both, method)

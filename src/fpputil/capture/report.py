@@ -36,15 +36,7 @@ def page(
 ) -> str:
     """The report as one HTML page without any other file. Chapter 12.
 
-    Parameters
-    ----------
-    title : str
-    measurements : sequence of Measurement
-        One for each axis.
-    findings : sequence of Finding
-        Of all of them.
-    depth : (H, W) array, optional
-        mm.
+    It takes the `Measurement` of each axis, the findings of all of them, and the depth, (H, W), mm.
     """
     from jinja2 import Environment
 
@@ -81,11 +73,7 @@ def report_numbers(measurement: Measurement) -> dict[str, str]:
 def overview(measurement: Measurement, depth=None) -> Figure:
     """Photograph, grey levels, modulation, phases, uncertainty and what is not in the mask.
 
-    Parameters
-    ----------
-    measurement : Measurement
-    depth : (H, W) array, optional
-        mm; without it a row of projector columns is drawn in its place.
+    Without the depth, (H, W), mm, a row of projector columns is drawn in its place.
     """
     m, shape = measurement, measurement.average.shape
     fig, axes = plotting.panels(3, 3, 11.0, shape[0] / shape[1])
@@ -93,33 +81,31 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     wrapped = np.where(m.mask, m.wrapped[m.finest], np.nan)
     high = float(np.nanpercentile(m.sigma, 98)) if m.mask.any() else 1.0
     plotting.frame(axes[0], m.average[few], "average of the finest fringe")
-    _grey_levels(axes[1], m)
+    lit = [frames[:, np.ptp(frames, axis=0) > 2 * THRESHOLD] for frames in m.sample]
+    title = "grey levels where fringes are seen"
+    _histogram(axes[1], m, lit, 256, xlabel="grey level", title=title, yticks=[])
     plotting.quantity(axes[2], m.modulation[m.finest][few], "modulation", "grey levels")
     plotting.wrapped(axes[3], wrapped[few], f"wrapped phase, pitch {m.pitch:g}")
     plotting.absolute(axes[4], m.Phi[few])
     plotting.quantity(axes[5], m.sigma[few], "uncertainty", "rad", 0, high)
     _suspects(axes[6], m.reason[few])
-    _modulations(axes[7], m)
-    _profile(axes[8], m) if depth is None else plotting.depth(axes[8], depth[few])
+    labels = {"xlabel": "modulation, grey levels", "title": "modulation", "yscale": "log"}
+    _histogram(axes[7], m, m.modulation, 128, **labels)
+    if depth is None:
+        line = int(np.argmax(m.mask.sum(axis=1)))
+        axes[8].plot(m.coordinate[line])
+        axes[8].set(xlabel="camera column", ylabel=f"projector {m.axis}", title=f"row {line}")
+    else:
+        plotting.depth(axes[8], depth[few])
     return fig
 
 
-def _grey_levels(ax, m: Measurement) -> None:
+def _histogram(ax, m: Measurement, values, top: float, **labels) -> None:
     """How often each grey level occurs, per pitch."""
-    how = {"bins": 64, "range": (0, 256), "histtype": "step"}
-    for frames, fringe in zip(m.sample, m.fringes, strict=True):
-        lit = np.ptp(frames, axis=0) > 2 * THRESHOLD
-        ax.hist(frames[:, lit].ravel(), label=f"pitch {fringe.pitch:g}", **how)
-    ax.set(xlabel="grey level", title="grey levels where fringes are seen", yticks=[])
-    ax.set(xlim=(0, 256))
-    ax.legend(fontsize=7)
-
-
-def _modulations(ax, m: Measurement) -> None:
-    how = {"bins": 64, "range": (0, 128), "histtype": "step"}
-    for B, fringe in zip(m.modulation, m.fringes, strict=True):
-        ax.hist(B.ravel(), label=f"pitch {fringe.pitch:g}", **how)
-    ax.set(xlabel="modulation, grey levels", title="modulation", yscale="log", xlim=(0, 128))
+    for levels, fringe in zip(values, m.fringes, strict=True):
+        how = {"bins": 64, "range": (0, top), "histtype": "step"}
+        ax.hist(levels.ravel(), label=f"pitch {fringe.pitch:g}", **how)
+    ax.set(xlim=(0, top), **labels)
     ax.legend(fontsize=7)
 
 
@@ -129,9 +115,3 @@ def _suspects(ax, reason) -> None:
     bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
     ax.set(xticks=[], yticks=[], title="why a pixel is left out")
     ax.grid(False)
-
-
-def _profile(ax, m: Measurement) -> None:
-    line = int(np.argmax(m.mask.sum(axis=1)))
-    ax.plot(m.coordinate[line])
-    ax.set(xlabel="camera column", ylabel=f"projector {m.axis}", title=f"row {line}")

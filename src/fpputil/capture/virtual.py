@@ -15,8 +15,6 @@ from fpputil.files import write_arrays, write_whole
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
-LEVELS = 256  # of the pictures that `Patterns` gives to the projector
-
 
 def photograph(
     view: View, patterns: Patterns, system: System, seed: int = 0, response: float = 1.0, **camera
@@ -39,27 +37,22 @@ def photograph(
     Yields
     ------
     Shot, (H, W) uint8 array
-
-    Raises
-    ------
-    ValueError
-        If the patterns are for another projector, or an option is out of range.
     """
-    projector = (system.projector.width, system.projector.height)
-    if patterns.projector != projector:
+    (width, height), projector = patterns.projector, system.projector
+    if (width, height) != (projector.width, projector.height):
         raise ValueError(
-            f"patterns for a projector of {_by(patterns.projector)} given; the system has one "
-            f"of {_by(projector)}"
+            f"patterns for a projector of {width} x {height} given; the system has one of "
+            f"{projector.width} x {projector.height}"
         )
     shots = patterns.shots()
     seeds = seeded(whole("seed", seed, 0)).integers(2**31, size=len(shots))
-    for shot, own in zip(shots, seeds.tolist(), strict=True):
+    for shot, drawn in zip(shots, seeds.tolist(), strict=True):
         if shot.fringe < 0:
-            yield shot, (view.dark if shot.step else view.plain)(**camera, seed=own)
+            yield shot, (view.dark if shot.step else view.plain)(**camera, seed=drawn)
             continue
-        fringe = replace(patterns.fringes[shot.fringe], gamma=response, levels=LEVELS)
+        fringe = replace(patterns.fringes[shot.fringe], gamma=response, levels=256)
         step = shot.step * patterns.shift % fringe.steps
-        yield shot, view.frames(fringe, steps=[step], seed=own, **camera)[0]
+        yield shot, view.frames(fringe, steps=[step], seed=drawn, **camera)[0]
 
 
 def photograph_into(
@@ -71,14 +64,7 @@ def photograph_into(
     response: float = 1.0,
     **camera,
 ) -> None:
-    """Photograph a view into a folder, with its pattern file beside. Chapter 12.
-
-    Parameters
-    ----------
-    folder : path
-        There, or its parent is.
-
-    Other parameters and errors are those of `photograph`.
+    """`photograph` into a folder, which is made, with the pattern file beside. Chapter 12.
 
     Examples
     --------
@@ -94,7 +80,7 @@ def photograph_into(
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
     for shot, frame in photograph(view, patterns, system, seed, response, **camera):
-        done, data = cv2.imencode(Path(shot.file).suffix, frame)
+        _, data = cv2.imencode(Path(shot.file).suffix, frame)
         write_whole(folder / shot.file, data.tobytes())
     patterns.save(folder / NAME)
 
@@ -103,7 +89,3 @@ def save_truth(path: str | Path, view: View) -> None:
     """Write column, row, depth and mask of a view as NPZ, whole or not at all."""
     names = ("column", "row", "depth", "mask")
     write_arrays(path, {name: getattr(view, name) for name in names})
-
-
-def _by(size) -> str:
-    return f"{size[0]} x {size[1]}"

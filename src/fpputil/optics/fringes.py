@@ -83,14 +83,9 @@ class Fringe:
         return 2 * np.pi * np.asarray(coordinate, np.float64) / self.pitch
 
     def intensity(self, coordinate: np.ndarray, n: int) -> np.ndarray:
-        """Light of pattern n at continuous projector coordinates, 0 to 255.
+        """Light 0 to 255 of pattern n, 0 to ``steps`` - 1, at continuous projector coordinates.
 
-        Parameters
-        ----------
-        coordinate : (...) array
-            Projector column (or row) in pixels, centres at integers.
-        n : int
-            Index of the step, 0 to ``steps`` - 1.
+        `coordinate`, (...), is a projector column (or row) in pixels, centres at integers.
 
         Examples
         --------
@@ -114,13 +109,10 @@ class Fringe:
         return value if self.gamma == 1 else WHITE * (value / WHITE) ** self.gamma
 
     def images(self, width: int, height: int) -> np.ndarray:
-        """The patterns as the projector's frame buffer holds them.
+        """The patterns as the projector's frame buffer holds them, (N, H, W).
 
-        Returns
-        -------
-        (N, H, W) array
-            uint8 for 256 levels, float64 otherwise. Gamma and defocus belong to the optics,
-            so they do not show here.
+        uint8 for 256 levels, float64 otherwise. Gamma and defocus belong to the optics, so they
+        do not show here.
 
         Examples
         --------
@@ -142,7 +134,7 @@ class Fringe:
 
 
 def fringe_set(pitches: Iterable[float], steps: int | Iterable[int] = 15, **options):
-    """Fringes of several pitches, as temporal unwrapping needs them.
+    """Fringes of several pitches, a tuple of `Fringe`, as temporal unwrapping needs them.
 
     Parameters
     ----------
@@ -151,11 +143,7 @@ def fringe_set(pitches: Iterable[float], steps: int | Iterable[int] = 15, **opti
     steps : int or sequence of int
         Steps of all, or of each, pitch.
     **options
-        Passed to every `Fringe`.
-
-    Returns
-    -------
-    tuple of Fringe
+        Of every `Fringe`.
 
     Examples
     --------

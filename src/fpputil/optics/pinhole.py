@@ -51,7 +51,25 @@ class Pinhole:
             value = np.array(getattr(self, name), np.float64)
             value.flags.writeable = False
             object.__setattr__(self, name, value)
-        _check_pinhole(self)
+        K, R, t, distortion = self.K, self.R, self.t, self.distortion
+        if K.shape != (3, 3) or R.shape != (3, 3) or t.shape != (3,):
+            raise ValueError(
+                f"K {K.shape}, R {R.shape}, t {t.shape} given; they are (3, 3), (3, 3) and (3,)"
+            )
+        whole("width", self.width, 1)
+        whole("height", self.height, 1)
+        if not all(np.isfinite(a).all() for a in (K, R, t, distortion)):
+            raise ValueError("NaN or infinite camera parameters given; all must be finite")
+        if not (K[0, 0] > 0 and K[1, 1] > 0 and np.allclose(K[2], (0, 0, 1)) and K[1, 0] == 0):
+            raise ValueError(
+                f"camera matrix {K.tolist()} given; it needs positive focal lengths and the "
+                "last row 0 0 1, or its rays are undefined"
+            )
+        rotation("R", R)
+        if (k := distortion.size) not in (0, 4, 5, 8, 12, 14):
+            raise ValueError(
+                f"{k} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or 14"
+            )
 
     @property
     def centre(self) -> np.ndarray:
@@ -64,20 +82,10 @@ class Pinhole:
         return self.K @ np.column_stack([self.R, self.t])
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels of world points; NaN for points that the pinhole cannot see.
+        """Pixels u (column) and v (row), (..., 2), of world points (..., 3), mm.
 
-        Those are the points not in front of it, and those so far off its axis that the
-        distortion would fold them back into the image.
-
-        Parameters
-        ----------
-        points : (..., 3) array
-            World coordinates, mm.
-
-        Returns
-        -------
-        (..., 2) float64 array
-            u (column) and v (row), pixels.
+        NaN for points that are not in front of the pinhole, and for those so far off its axis that
+        the distortion would fold them back into the image.
         """
         points = np.asarray(points, np.float64)
         local = points @ self.R.T + self.t
@@ -90,7 +98,7 @@ class Pinhole:
         return xy @ self.K[:2, :2].T + self.K[:2, 2]
 
     def rays(self, pixels: np.ndarray | None = None) -> np.ndarray:
-        """Directions, in the world, of the rays through pixels; z is 1 in the pinhole's frame.
+        """Directions (..., 3), in the world, of the rays through pixels; z is 1 in its own frame.
 
         Parameters
         ----------
@@ -100,8 +108,7 @@ class Pinhole:
         Returns
         -------
         (..., 3) float64 array
-            ``centre + s * rays`` are the points seen at the pixels; NaN for pixels that the
-            distortion leaves without a ray.
+            ``centre + s * rays`` are the points seen; NaN where the distortion leaves no ray.
         """
         pixels = self.grid() if pixels is None else np.asarray(pixels, np.float64)
         xy = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
@@ -112,12 +119,9 @@ class Pinhole:
 
     def _distort(self, xy):
         """Distort normalised coordinates (..., 2); NaN stays NaN."""
-        zero, eye = np.zeros(3), np.eye(3)
+        pose = np.zeros(3), np.zeros(3), np.eye(3), self.distortion
         return _where_known(
-            xy,
-            lambda flat: cv2.projectPoints(
-                np.column_stack([flat, np.ones(len(flat))]), zero, zero, eye, self.distortion
-            )[0],
+            xy, lambda flat: cv2.projectPoints(np.insert(flat, 2, 1.0, axis=1), *pose)[0]
         )
 
     def _undistort(self, xy):
@@ -157,12 +161,11 @@ def camera_matrix(focal: float, width: int, height: int) -> np.ndarray:
 
 
 def looking(look_from, look_at, size: tuple[int, int], angle: float) -> Pinhole:
-    """The pinhole of a viewer at one point who looks at another.
+    """The pinhole of a viewer at one point, mm, who looks at another, the world's -y up.
 
     Parameters
     ----------
     look_from, look_at : (3,) arrays
-        Eye and target, mm. Up in the picture is the world's -y.
     size : (width, height)
         Pixels.
     angle : float
@@ -177,35 +180,14 @@ def looking(look_from, look_at, size: tuple[int, int], angle: float) -> Pinhole:
     look_from, look_at = np.asarray(look_from, np.float64), np.asarray(look_at, np.float64)
     if not 0 < angle < 180:
         raise ValueError(f"angle {angle} given; a field of view lies between 0 and 180 degrees")
-    right = np.cross([0.0, 1.0, 0.0], look_at - look_from)
+    forward = look_at - look_from
+    right = np.cross([0.0, 1.0, 0.0], forward)
     if not np.linalg.norm(right) > 0:
         raise ValueError(
             f"an eye at {look_from.tolist()} mm that looks at {look_at.tolist()} mm given; its "
             "direction must not be zero or along y, or the picture has no upper edge"
         )
-    right /= np.linalg.norm(right)
-    forward = (look_at - look_from) / np.linalg.norm(look_at - look_from)
+    right, forward = right / np.linalg.norm(right), forward / np.linalg.norm(forward)
     R = np.stack([right, np.cross(forward, right), forward])
     focal = size[1] / 2 / np.tan(np.radians(angle) / 2)
     return Pinhole(*size, camera_matrix(focal, *size), R, -R @ look_from)
-
-
-def _check_pinhole(p: Pinhole) -> None:
-    if p.K.shape != (3, 3) or p.R.shape != (3, 3) or p.t.shape != (3,):
-        raise ValueError(
-            f"K {p.K.shape}, R {p.R.shape}, t {p.t.shape} given; they are (3, 3), (3, 3) and (3,)"
-        )
-    whole("width", p.width, 1)
-    whole("height", p.height, 1)
-    if not all(np.isfinite(a).all() for a in (p.K, p.R, p.t, p.distortion)):
-        raise ValueError("NaN or infinite camera parameters given; all must be finite")
-    if not (p.K[0, 0] > 0 and p.K[1, 1] > 0 and np.allclose(p.K[2], (0, 0, 1)) and p.K[1, 0] == 0):
-        raise ValueError(
-            f"camera matrix {p.K.tolist()} given; it needs positive focal lengths and the "
-            "last row 0 0 1, or its rays are undefined"
-        )
-    rotation("R", p.R)
-    if p.distortion.size not in (0, 4, 5, 8, 12, 14):
-        raise ValueError(
-            f"{p.distortion.size} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or 14"
-        )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -11,7 +12,6 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from fpputil.checks import not_negative, positive, whole
-from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
 from fpputil.optics.view import View
@@ -19,19 +19,8 @@ from fpputil.optics.view import View
 Albedo = float | np.ndarray | Callable[[np.ndarray], np.ndarray]
 
 
-@dataclass(frozen=True, eq=False)
-class Tree:
-    """A mesh as Embree's tree: build it once, cast many views.
-
-    Parameters
-    ----------
-    vertices : (V, 3) array
-        World coordinates, mm.
-    faces : (F, 3) array
-        Vertices of each triangle.
-    scene : EmbreeScene
-        The tree over them.
-    """
+class Tree(NamedTuple):
+    """A mesh, vertices (V, 3) in mm and faces (F, 3), with Embree's tree over them."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -39,7 +28,7 @@ class Tree:
 
 
 def bvh(mesh: trimesh.Trimesh) -> Tree:
-    """Embree's tree over the faces of a mesh, a bounding volume hierarchy.
+    """Embree's tree over the faces of a mesh, a bounding volume hierarchy, for many views.
 
     Embree works in float32: keep the world's origin near the rig.
     """
@@ -63,17 +52,16 @@ def raycast(
     """See a mesh through a system: one ray a pixel, one shadow ray back to the projector.
 
     A pixel is in the mask if its ray meets the outside of a face that the projector lights:
-    facing it, within its image, and not in the shadow of another face.
+    facing it, within its image, and not in the shadow of another face. The measuring range of the
+    system is not asked.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh or Tree
         Vertices in world coordinates, mm; the result of ``bvh(mesh)`` if several views share it.
     system : System
-        Camera and projector.
     albedo : float, (F,) array or callable
-        Diffuse reflectance: one for all, one for each face, or a function of points
-        (P, 3), mm, that returns (P,).
+        Diffuse reflectance: of all, of each face, or a function of points (P, 3), mm, to (P,).
     specular, shininess : float
         Weight and exponent of Blinn's highlight.
     white_at : float
@@ -81,18 +69,10 @@ def raycast(
     supersample : int
         s casts s x s rays a pixel, so that pixels on an edge mix what they see.
 
-    Returns
-    -------
-    View
-
     Raises
     ------
     ValueError
         If the mesh lies outside the view, or no pixel of it is lit.
-
-    Notes
-    -----
-    The measuring range of the system is not asked: what lies outside it is seen all the same.
 
     Examples
     --------
@@ -106,24 +86,26 @@ def raycast(
     positive("shininess", shininess)
     positive("white_at", white_at, "mm")
     tree = mesh if isinstance(mesh, Tree) else bvh(mesh)
-    look = {"albedo": albedo, "specular": specular, "shininess": shininess, "white_at": white_at}
-    view = _cast(tree, system, **look)
+    look = albedo, specular, shininess, white_at
+    view = _cast(tree, system, *look)
     if supersample == 1:
         return view
-    finer = replace(system, camera=_finer(system.camera, supersample))
-    return replace(view, fine=_cast(tree, finer, **look))
+    s, camera = supersample, system.camera
+    K = camera.K * ((s,), (s,), (1,))
+    K[:2, 2] += (s - 1) / 2
+    finer = replace(camera, width=camera.width * s, height=camera.height * s, K=K)
+    return replace(view, fine=_cast(tree, replace(system, camera=finer), *look))
 
 
 def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
     camera, projector = system.camera, system.projector
     rays = camera.rays().reshape(-1, 3)
     hit = np.flatnonzero(np.isfinite(rays[:, 0]))
-    face = np.full(len(rays), -1)
-    face[hit] = _run(tree.scene, camera.centre, rays[hit], "INTERSECT")
-    hit = np.flatnonzero(face >= 0)
+    face = _run(tree.scene, camera.centre, rays[hit], "INTERSECT")
+    hit, face = hit[face >= 0], face[face >= 0]
     if hit.size == 0:
         raise outside_view(tree.vertices)
-    rays, face = rays[hit], face[hit]
+    rays = rays[hit]
     corners = tree.vertices[tree.faces[face]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -147,14 +129,11 @@ def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
         shade = shade + specular * np.clip(_dot(normal, half), 0, 1) ** shininess
     shade = shade * (white_at / distance) ** 2
     depth = points @ camera.R[2] + camera.t[2]
-    return _view(camera, hit, pixel, shade, depth)
 
-
-def _view(camera: Pinhole, hit, pixel, shade, depth) -> View:
     def image(values, empty, dtype=np.float32):
-        out = np.full(camera.height * camera.width, empty, dtype)
-        out[hit] = values
-        return out.reshape(camera.height, camera.width)
+        out = np.full((camera.height, camera.width), empty, dtype)
+        out.flat[hit] = values
+        return out
 
     column, row = image(pixel[:, 0], np.nan), image(pixel[:, 1], np.nan)
     return View(column, row, image(shade, 0), image(depth, np.nan), image(True, False, bool))
@@ -187,17 +166,10 @@ def outside_view(vertices: np.ndarray) -> ValueError:
 
 def check_reflectance(albedo: np.ndarray) -> None:
     """ValueError unless every albedo is finite and 0 or more."""
-    if not (np.isfinite(albedo).all() and (albedo >= 0).all()):
+    if not (np.isfinite(albedo) & (albedo >= 0)).all():
         raise ValueError(
             "albedo with NaN, infinite or negative values given; all must be 0 or more"
         )
-
-
-def _finer(camera: Pinhole, s: int) -> Pinhole:
-    K = camera.K.copy()
-    K[:2] *= s
-    K[:2, 2] += (s - 1) / 2
-    return replace(camera, width=camera.width * s, height=camera.height * s, K=K)
 
 
 def _dot(a, b):

@@ -34,7 +34,7 @@ CENTRE = (0.0, 0.0, 650.0)
 def sphere(
     radius: float = 100.0, centre: ArrayLike = (0.0, 0.0, 680.0), subdivisions: int = 6
 ) -> trimesh.Trimesh:
-    """Sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
+    """Closed sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
 
     Parameters
     ----------
@@ -46,11 +46,6 @@ def sphere(
         Each quarters the facets of an icosahedron: 20 * 4**subdivisions faces. A facet lies
         inside the sphere by at most 0.30 * 4**-subdivisions of the radius, on average 0.18: the
         default, 81920 faces of radius 100 mm, by at most 0.0071 and on average 0.0045 mm.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        Closed, normals outwards.
 
     Examples
     --------
@@ -65,12 +60,10 @@ def sphere(
 
 
 def plane(z: float, half_width: float = 300.0, half_height: float | None = None) -> trimesh.Trimesh:
-    """Plane at depth ``z``, facing the camera: two triangles of normal (0, 0, -1). Chapter 2.
+    """Plane at depth ``z`` mm, facing the camera: two triangles of normal (0, 0, -1). Chapter 2.
 
     Parameters
     ----------
-    z : float
-        Depth in mm.
     half_width, half_height : float
         Extent on either side of the optical axis in mm; the height is 3/4 of the width unless
         given. The defaults fill the presets' view up to z = 1000 mm.
@@ -94,7 +87,7 @@ def step_block(
     length: float = 120.0,
     z: float = 700.0,
 ) -> trimesh.Trimesh:
-    """Stairs facing the camera, from left to right. Chapter 6.
+    """Stairs, closed, facing the camera on the optical axis, from left to right. Chapter 6.
 
     Parameters
     ----------
@@ -104,11 +97,6 @@ def step_block(
         Extent of one step along x, and of all along y, in mm.
     z : float
         Depth of the back face in mm.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        Closed, normals outwards, centred on the optical axis in x and y.
 
     Examples
     --------
@@ -127,15 +115,10 @@ def step_block(
 
 
 def rotation(about_y: float, about_z: float) -> np.ndarray:
-    """Turn about the paper's y axis, then its z axis, as a (3, 3) matrix in camera axes. Chapter 2.
+    """Turn by degrees about the paper's y axis, then its z axis, (3, 3) in camera axes. Chapter 2.
 
     The paper's axes are Blender's, as in its Table 2: the y axis is the camera's x (the object
     tips over), the z axis points up, the camera's -y (the object turns as on a table).
-
-    Parameters
-    ----------
-    about_y, about_z : float
-        Angles in degrees.
 
     Examples
     --------
@@ -157,7 +140,7 @@ def place(
     centre: ArrayLike = CENTRE,
     rotation: ArrayLike | None = None,
 ) -> trimesh.Trimesh:
-    """Copy of a mesh, scaled, turned and moved in front of the camera. Chapter 2.
+    """A copy of a mesh, scaled, turned and moved in front of the camera. Chapter 2.
 
     All three act on the ball around the mesh: the smallest one that has its centre in the
     middle of the bounding box. It does not change with the pose, and neither does the scale.
@@ -165,13 +148,12 @@ def place(
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        Left as it is.
     size : float, optional
         Diameter of the ball in mm; None keeps the scale.
     centre : (3,) array_like
         Where the centre of the ball goes, mm.
     rotation : (3, 3) array_like, optional
-        Rotation matrix, as from `rotation` or out of `rotations`; None keeps the pose.
+        As from `rotation` or out of `rotations`; None keeps the pose.
 
     Examples
     --------
@@ -199,11 +181,7 @@ def views(
 def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
     """Smooth albedo all through space, like veins in marble, drawn from a seed. Chapter 2.
 
-    Returns
-    -------
-    callable
-        Takes points (P, 3) in mm, gives their albedo (P,), within 0.3 to 0.95. It can be
-        pickled, so it may cross to another process.
+    It takes points (P, 3) in mm, gives their albedo (P,), within 0.3 to 0.95, and can be pickled.
 
     Examples
     --------
@@ -223,12 +201,8 @@ def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
 def genus(mesh: trimesh.Trimesh) -> int:
     """Genus of a closed surface, the number of through holes, from the Euler characteristic.
 
-    ``chi = V - E + F = 2 (parts - genus)``, the genera of the connected parts summed. Chapter 2.
-
-    Raises
-    ------
-    ValueError
-        If the surface is open or has no faces.
+    ``chi = V - E + F = 2 (parts - genus)``, the genera of the connected parts summed; the surface
+    must be closed. Chapter 2.
 
     Examples
     --------
@@ -252,24 +226,21 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
     Parameters
     ----------
     path : path
-        A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF; or NPZ with
-        arrays ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models. A scene
-        becomes one mesh, each of its parts in its place.
+        A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF, a scene as one
+        mesh; or NPZ with ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models.
 
     Returns
     -------
     trimesh.Trimesh
-        Equal vertices merged, faces that they leave without area dropped; no colours, no
-        textures. `place` brings it into view.
+        Equal vertices merged, faces that they leave without area dropped; no colours.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the format is unknown, the file cannot be read or holds less than its header
-        promises, has no faces, or has vertices that are not finite. An OBJ file promises
-        nothing: cut off between two lines, it reads as a smaller mesh.
+        If the format is unknown, the file is cut or has no faces, or a vertex is not finite. An
+        OBJ file promises nothing: cut off between two lines, it reads as a smaller mesh.
 
     Examples
     --------
@@ -286,7 +257,8 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
         known = ", ".join(formats())
         raise ValueError(f"{path} ends in {suffix!r}; the mesh formats read here are {known}")
     try:
-        mesh = (_npz_mesh if suffix == "npz" else _trimesh_mesh)(path)
+        npz = suffix == "npz"
+        mesh = _npz_mesh(path) if npz else trimesh.load_scene(path, process=False).to_mesh()
         promised = _promised_faces(path, suffix)
     except Exception as error:  # each format's reader fails in its own way
         reason = f"{type(error).__name__}: {error}"
@@ -322,10 +294,6 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         )
 
 
-def _trimesh_mesh(path: Path) -> trimesh.Trimesh:
-    return trimesh.load_scene(path, process=False).to_mesh()
-
-
 def _npz_mesh(path: Path) -> trimesh.Trimesh:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
         vertices, facets = stored["vertices"], stored["facets"]
@@ -340,12 +308,10 @@ def _npz_mesh(path: Path) -> trimesh.Trimesh:
 def _promised_faces(path: Path, suffix: str) -> int:
     """Faces, polygons counted once, that the header of a PLY or OFF file promises; else 0."""
     with path.open("rb") as file:
-        head = file.read(65536)
-    if suffix == "off":
-        counts = re.match(rb"\s*\w*OFF\s+\d+\s+(\d+)", re.sub(rb"#.*", b"", head))
-    else:
-        counts = re.search(rb"element\s+face\s+(\d+)", head) if suffix == "ply" else None
-    return int(counts[1]) if counts else 0
+        head = re.sub(rb"#.*", b"", file.read(65536))
+    counts = {"off": rb"\A\s*\w*OFF\s+\d+\s+(\d+)", "ply": rb"element\s+face\s+(\d+)"}
+    promise = re.search(counts[suffix], head) if suffix in counts else None
+    return int(promise[1]) if promise else 0
 
 
 def _albedo(points, waves, phases, low, high) -> np.ndarray:

@@ -61,7 +61,6 @@ class System:
     Parameters
     ----------
     camera, projector : Pinhole
-        Both posed in the world.
     z_min, z_max : float
         Measuring range along the camera's axis, mm. Objects lie wholly inside it.
     """
@@ -118,14 +117,13 @@ class System:
         R = projector.R @ camera.R.T  # of the projector in the camera's frame
         t = mirror @ (projector.t - R @ camera.t)
         R = mirror @ R @ mirror
-        other = replace(projector, R=R @ camera.R, t=t + R @ camera.t)
-        return replace(self, projector=other)
+        return replace(self, projector=replace(projector, R=R @ camera.R, t=t + R @ camera.t))
 
     def save(self, path: str | os.PathLike) -> None:
         """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
         path = Path(path)
-        json_text = json.dumps(system_to_dict(self), indent=2) + "\n"
-        write_whole(path, (_to_yaml(self) if _is_yaml(path) else json_text).encode())
+        plain = json.dumps(system_to_dict(self), indent=2) + "\n"
+        write_whole(path, (_to_yaml(self) if _is_yaml(path) else plain).encode())
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> System:
@@ -136,10 +134,7 @@ class System:
         try:
             parse = _from_yaml if _is_yaml(path) else json.loads
             return system_from_dict(parse(path.read_text()))
-        except (
-            *(KeyError, TypeError, ValueError, OverflowError, RecursionError),
-            *(SystemError, cv2.error),  # OpenCV's parser
-        ) as error:
+        except Exception as error:  # OpenCV's parser has errors of its own
             raise ValueError(
                 f"{path} given; a system file holds camera, projector, z_min and z_max whole "
                 f"({type(error).__name__}: {error})"
@@ -202,23 +197,20 @@ def _is_yaml(path: Path) -> bool:
 
 def system_to_dict(system: System) -> dict:
     """A system as plain numbers, as JSON holds it."""
-
-    def plain(pinhole):
-        return {name: np.asarray(getattr(pinhole, name)).tolist() for name in PINHOLE}
-
-    pinholes = {"camera": plain(system.camera), "projector": plain(system.projector)}
-    return {**pinholes, "z_min": system.z_min, "z_max": system.z_max}
+    pinholes = {"camera": system.camera, "projector": system.projector}
+    plain = {
+        k: {n: np.asarray(getattr(p, n)).tolist() for n in PINHOLE} for k, p in pinholes.items()
+    }
+    return {**plain, "z_min": system.z_min, "z_max": system.z_max}
 
 
 def system_from_dict(data: dict) -> System:
     """The system of `system_to_dict`; KeyError, TypeError or ValueError if not whole."""
-
-    def pinhole(entries):
-        return Pinhole(**{**{name: entries[name] for name in PINHOLE}, **entries})
-
-    pinholes = {name: pinhole(data[name]) for name in ("camera", "projector")}
-    measuring_range = {name: float(data[name]) for name in ("z_min", "z_max")}
-    return System(**{**data, **pinholes, **measuring_range})
+    parts = {"z_min": float(data["z_min"]), "z_max": float(data["z_max"])}
+    for name in ("camera", "projector"):
+        entries = data[name]
+        parts[name] = Pinhole(**{**{entry: entries[entry] for entry in PINHOLE}, **entries})
+    return System(**{**data, **parts})
 
 
 def _to_yaml(system: System) -> str:
@@ -227,8 +219,8 @@ def _to_yaml(system: System) -> str:
         pinhole = getattr(system, name)
         for entry in PINHOLE[:-1] if pinhole.distortion.size == 0 else PINHOLE:
             store.write(f"{name}_{entry}", getattr(pinhole, entry))
-    store.write("z_min", system.z_min)
-    store.write("z_max", system.z_max)
+    for name in ("z_min", "z_max"):
+        store.write(name, getattr(system, name))
     return store.releaseAndGetString()
 
 
@@ -250,12 +242,7 @@ def _from_yaml(text: str) -> dict:
 
 
 def load_system(name: str | os.PathLike) -> System:
-    """The system of a preset or of a file. Chapter 2.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If it is neither the name of a preset nor a whole system file.
+    """The system of a preset, by its name, or of a file. Chapter 2.
 
     Examples
     --------

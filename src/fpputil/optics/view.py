@@ -40,16 +40,16 @@ class View:
 
     def __post_init__(self):
         object.__setattr__(self, "mask", np.asarray(self.mask, bool))
-        shapes = {np.shape(a) for a in (self.column, self.row, self.shade, self.depth, self.mask)}
-        if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        values = [np.asarray(a) for a in (self.column, self.row, self.shade, self.depth)]
+        shapes = {a.shape for a in (*values, self.mask)}
+        if len(shapes) != 1 or self.mask.ndim != 2:
             raise ValueError(f"arrays of shapes {sorted(shapes)} given; a view needs one (H, W)")
         if not np.any(self.mask):
             raise ValueError(
                 "view with an empty mask given; at least one pixel must be seen and lit "
                 "(is the object in both images, and does it face the projector?)"
             )
-        values = (self.column, self.row, self.shade, self.depth)
-        if not all(np.isfinite(np.asarray(a)[self.mask]).all() for a in values):
+        if not all(np.isfinite(a[self.mask]).all() for a in values):
             raise ValueError("NaN or infinite values inside the mask given; all must be finite")
 
     def frames(
@@ -67,15 +67,10 @@ class View:
         ----------
         fringes : Fringe or sequence of Fringe
             The projected patterns, in the order of the frames.
-        noise, seed, **camera
-            gain, ambient, gamma, saturation, quantise: as for `photograph`.
         steps : sequence of int, optional
             Which steps of each fringe to photograph; all by default.
-
-        Returns
-        -------
-        (N, H, W) array
-            uint8 or float64; N is the number of steps of all fringes together.
+        noise, seed, **camera
+            As of `photograph`, as is the result.
 
         Examples
         --------
@@ -87,11 +82,17 @@ class View:
         fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
         if not fringes:
             raise ValueError("no fringe given; a photograph needs at least one pattern")
-        patterns = [(fringe, _which(fringe, steps)) for fringe in fringes]
+        for fringe in fringes if steps is not None else ():
+            if not len(steps) or not all(n in range(fringe.steps) for n in steps):
+                raise ValueError(
+                    f"steps {list(steps)} given; a fringe of {fringe.steps} steps has steps 0 to "
+                    f"{fringe.steps - 1}, and a photograph needs one"
+                )
+        patterns = [(f, range(f.steps) if steps is None else steps) for f in fringes]
         return self.photograph(patterns, noise, seed, **camera)
 
     def plain(self, **camera) -> np.ndarray:
-        """The view in plain white light, (H, W); keyword arguments as for `photograph`."""
+        """The view in plain white light, (H, W); arguments as for `photograph`."""
         return self.photograph(WHITE, **camera)[0]
 
     def dark(self, **camera) -> np.ndarray:
@@ -136,12 +137,7 @@ class View:
         Returns
         -------
         (N, H, W) array
-            uint8 or float64; N is 1, or the number of steps of all fringes together.
-
-        Raises
-        ------
-        ValueError
-            If a parameter is out of range, or noise is asked for without a seed.
+            N is 1, or the number of steps of all fringes together.
 
         Examples
         --------
@@ -150,11 +146,21 @@ class View:
         >>> view.photograph(100.0, ambient=20)[0, 0].tolist()
         [70, 70, 70]
         """
-        _check_camera(noise, seed, gain, ambient, gamma, saturation)
-        if isinstance(light, list):
-            number = sum(len(steps) for _, steps in light)
-        else:
-            number, light = 1, _sent(light)
+        not_negative("noise", noise, "grey levels")
+        if noise and seed is None:
+            raise ValueError(f"noise {noise} without a seed given; random draws need a seed")
+        positive("gain", gain)
+        positive("gamma", gamma)
+        not_negative("ambient", ambient, "grey levels")
+        if saturation is not None:
+            positive("saturation", saturation, "grey levels")
+        number = sum(len(steps) for _, steps in light) if isinstance(light, list) else 1
+        if not isinstance(light, list):
+            light = np.asarray(light, np.float64)
+            if not ((light >= 0) & (light <= WHITE)).all():
+                raise ValueError(
+                    f"light {light.min()} to {light.max()} given; a projector sends 0 to 255"
+                )
         dtype = np.float32 if quantise else np.float64
         out = np.empty((number, *self.mask.shape), np.uint8 if quantise else dtype)
         rng = seeded(seed) if noise else None
@@ -200,13 +206,6 @@ class View:
                     yield (shade * fringe.intensity(coordinate, n)).astype(dtype)[None]
 
 
-def _sent(light) -> np.ndarray:
-    light = np.asarray(light, np.float64)
-    if not ((light >= 0) & (light <= WHITE)).all():
-        raise ValueError(f"light {light.min()} to {light.max()} given; a projector sends 0 to 255")
-    return light
-
-
 def _sinusoids(fringe, steps, coordinate, shade) -> Iterator[np.ndarray]:
     """Shaded steps of Eq. 1, by ``cos(phase + delta)`` taken apart: two cosines serve them all."""
     dtype = shade.dtype.type
@@ -220,25 +219,3 @@ def _sinusoids(fringe, steps, coordinate, shade) -> Iterator[np.ndarray]:
         light += half
         light -= np.multiply.outer(np.sin(delta).astype(dtype), sine)
         yield light
-
-
-def _which(fringe: Fringe, steps: Sequence[int] | None) -> Sequence[int]:
-    if steps is None:
-        return range(fringe.steps)
-    if not len(steps) or not all(n in range(fringe.steps) for n in steps):
-        raise ValueError(
-            f"steps {list(steps)} given; a fringe of {fringe.steps} steps has steps 0 to "
-            f"{fringe.steps - 1}, and a photograph needs one"
-        )
-    return steps
-
-
-def _check_camera(noise, seed, gain, ambient, gamma, saturation):
-    not_negative("noise", noise, "grey levels")
-    if noise and seed is None:
-        raise ValueError(f"noise {noise} without a seed given; random draws need a seed")
-    positive("gain", gain)
-    positive("gamma", gamma)
-    not_negative("ambient", ambient, "grey levels")
-    if saturation is not None:
-        positive("saturation", saturation, "grey levels")

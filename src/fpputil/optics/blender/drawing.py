@@ -54,20 +54,20 @@ def picture(
     Raises
     ------
     ValueError
-        If a body is empty or not finite, or a projector comes without a fringe.
-    ImportError
-        If Blender does not run here.
+        If a projector comes without a fringe.
     """
     if not bodies:
         raise ValueError("no body given; a picture needs at least one")
     if (projector is None) != (fringe is None):
         raise ValueError("one of projector and fringe given; a picture needs both or none")
     if projector is not None:
-        shaders.check_projector(projector)
-        shaders.check_pattern(fringe)
+        shaders.check(projector, [fringe])
     eye = looking(look_from, look_at, size, angle)
     with studio.opened(eye, whole("samples", samples, 1)) as (bpy, shoot):
-        studio.set_bounces(bpy, 2)
+        settings = bpy.context.scene.cycles
+        settings.max_bounces = 2  # light goes on from surface to surface
+        # Veils let all of it through, without dice.
+        settings.min_transparent_bounces = settings.transparent_max_bounces = 128
         shaders.daylight(bpy, eye, sky=0.3, sun=0.9)
         for mesh, colour in bodies:
             _stand(bpy, mesh, colour, None if projector is None else projector.centre)
@@ -75,28 +75,18 @@ def picture(
             lamp = shaders.projector(bpy, projector, positive("white_at", white_at, "mm"))
             shaders.throw(lamp, projector, shaders.pattern(fringe))
         light = shoot()
-    return _srgb(light[..., :3] + (1 - light[..., 3:]))
+    light = np.clip(light[..., :3] + (1 - light[..., 3:]), 0, 1)
+    srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.rint(255 * srgb).astype(np.uint8)
 
 
 def sheets(projector: Pinhole, pitch: float, reach: float) -> trimesh.Trimesh:
-    """The sheets of light through the brightest columns of a fringe's step 0.
+    """The sheets of light through the brightest columns of a fringe's step 0, `pitch` pixels apart.
 
-    Parameters
-    ----------
-    projector : Pinhole
-    pitch : float
-        Projector pixels from one sheet to the next.
-    reach : float
-        How far they go along the projector's axis, mm.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        One triangle for each, to be drawn as a veil.
+    One triangle for each, `reach` mm along the projector's axis, to be drawn as a veil.
     """
     columns = np.arange(0, projector.width, positive("pitch", pitch, "projector pixels"))
-    top, bottom = np.full_like(columns, -0.5), np.full_like(columns, projector.height - 0.5)
-    ends = np.stack([np.stack([columns, row], -1) for row in (top, bottom)], axis=1)
+    ends = np.stack(np.meshgrid(columns, (-0.5, projector.height - 0.5), indexing="ij"), -1)
     ends = projector.centre + positive("reach", reach, "mm") * projector.rays(ends)
     start = np.broadcast_to(projector.centre, (len(columns), 1, 3))
     corners = np.concatenate([start, ends], axis=1).reshape(-1, 3)
@@ -111,15 +101,7 @@ def _stand(bpy, mesh, colour, lamp) -> None:
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     material = shaders.paint(bpy, linear) if alpha == 1 else shaders.veil(bpy, linear, alpha)
     thing = studio.solid(bpy, mesh.triangles, material)
-    around = lamp is not None and np.all(
-        (mesh.bounds[0] - 1 <= lamp) & (lamp <= mesh.bounds[1] + 1)
-    )
+    low, high = mesh.bounds + ((-1,), (1,))
+    around = lamp is not None and np.all((low <= lamp) & (lamp <= high))
     thing.visible_shadow = alpha == 1 and not around
     thing.visible_diffuse = alpha == 1
-
-
-def _srgb(linear) -> np.ndarray:
-    """Linear light 0 to 1 as the uint8 of a screen (sRGB)."""
-    x = np.clip(linear, 0, 1)
-    x = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.rint(255 * x).astype(np.uint8)

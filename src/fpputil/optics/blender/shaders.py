@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -21,47 +21,39 @@ def skin(bpy):
 
     So a face seen from behind is black, as in the ray caster.
     """
-    material, tree, out = _material(bpy)
+    material, tree, diffuse = _material(bpy, "BsdfDiffuse")
     albedo = tree.nodes.new("ShaderNodeAttribute")
     albedo.attribute_name = "albedo"
     op = maths(tree)
     outside = op("SUBTRACT", 1.0, tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"])
-    diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
     tree.links.new(op("MULTIPLY", albedo.outputs["Fac"], outside), diffuse.inputs["Color"])
-    tree.links.new(diffuse.outputs[0], out)
     return material
 
 
 def paint(bpy, colour):
     """A matt material of linear red, green, blue."""
-    material, tree, out = _material(bpy)
-    diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    material, _, diffuse = _material(bpy, "BsdfDiffuse")
     diffuse.inputs["Color"].default_value = (*colour, 1.0)
-    tree.links.new(diffuse.outputs[0], out)
     return material
 
 
 def veil(bpy, colour, alpha: float):
     """What is seen through: a shine of linear red, green, blue that hides the share ``alpha``."""
-    material, tree, out = _material(bpy)
+    material, tree, mix = _material(bpy, "MixShader")
     material.cycles.emission_sampling = "NONE"  # it is seen, it does not light
     shine = tree.nodes.new("ShaderNodeEmission")
     shine.inputs["Color"].default_value = (*colour, 1.0)
-    mix = tree.nodes.new("ShaderNodeMixShader")
     mix.inputs[0].default_value = alpha
     tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[1])
     tree.links.new(shine.outputs[0], mix.inputs[2])
-    tree.links.new(mix.outputs[0], out)
     return material
 
 
 def glow_by_depth(bpy):
     """A material that shines with its distance along the camera's axis, metres."""
-    material, tree, out = _material(bpy)
-    shine = tree.nodes.new("ShaderNodeEmission")
+    material, tree, shine = _material(bpy, "Emission")
     depth = tree.nodes.new("ShaderNodeCameraData").outputs["View Z Depth"]
     tree.links.new(depth, shine.inputs["Color"])
-    tree.links.new(shine.outputs[0], out)
     return material
 
 
@@ -80,33 +72,26 @@ def projector(bpy, pinhole: Pinhole, white_at: float):
 def daylight(bpy, eye: Pinhole, sky: float, sun: float) -> None:
     """Light from all around, and a broad sun above the eye's left shoulder."""
     world = bpy.data.worlds.new("sky")
-    tree = _nodes(world)
-    background = tree.nodes.new("ShaderNodeBackground")
+    _, background = _surface(world, "Background", "OutputWorld")
     background.inputs["Color"].default_value = (sky, sky, sky, 1.0)
-    out = tree.nodes.new("ShaderNodeOutputWorld")
-    tree.links.new(background.outputs[0], out.inputs["Surface"])
     bpy.context.scene.world = world
     light = bpy.data.lights.new("sun", "SUN")
     light.energy, light.angle = sun, np.radians(20)
     turn = Rotation.from_euler("xyz", (40, -30, 0), degrees=True).as_matrix()
-    R = turn @ eye.R
-    add(bpy, light, replace(eye, R=R, t=-R @ eye.centre))
+    add(bpy, light, replace(eye, R=turn @ eye.R, t=-turn @ eye.R @ eye.centre))
 
 
 def throw(light, pinhole: Pinhole, image: Callable) -> None:
     """Wire a projector's lamp: ``image(tree, u, v)`` makes the socket of the colour at (u, v)."""
-    tree = _nodes(light)
+    tree, shine = _surface(light, "Emission", "OutputLight")
     op = maths(tree)
     u, v = _pixel(tree, pinhole.K)
     inside = 1.0
     for at, size in ((u, pinhole.width), (v, pinhole.height)):
         inside = op("MULTIPLY", inside, op("GREATER_THAN", at, -0.5))
         inside = op("MULTIPLY", inside, op("LESS_THAN", at, size - 0.5))
-    shine = tree.nodes.new("ShaderNodeEmission")
-    out = tree.nodes.new("ShaderNodeOutputLight")
     tree.links.new(image(tree, u, v), shine.inputs["Color"])
     tree.links.new(inside, shine.inputs["Strength"])
-    tree.links.new(shine.outputs[0], out.inputs["Surface"])
 
 
 def pattern(fringe: Fringe) -> Callable:
@@ -145,21 +130,18 @@ def address(pinhole: Pinhole) -> Callable:
     return image
 
 
-def check_projector(pinhole: Pinhole) -> None:
-    """ValueError unless a lamp can be this projector."""
+def check(pinhole: Pinhole, fringes: Iterable[Fringe] = ()) -> None:
+    """ValueError unless a lamp can be this projector and throw these patterns."""
+    for fringe in fringes:
+        if fringe.defocus:
+            raise ValueError(
+                f"defocus {fringe.defocus} given; Blender's projector is always sharp, the ray "
+                "caster's blurs"
+            )
     if pinhole.distortion.any():
         raise ValueError(
             f"a projector with distortion {pinhole.distortion.tolist()} given; Blender's light "
             "goes straight, the ray caster's bends"
-        )
-
-
-def check_pattern(fringe: Fringe) -> None:
-    """ValueError unless a lamp can throw this pattern."""
-    if fringe.defocus:
-        raise ValueError(
-            f"defocus {fringe.defocus} given; Blender's projector is always sharp, the ray "
-            "caster's blurs"
         )
 
 
@@ -193,16 +175,18 @@ def _pixel(tree, K):
     return u, op("ADD", op("MULTIPLY", down, fy), cy)
 
 
-def _nodes(thing):
-    """The empty node tree of a material, lamp or world; Blender 5 makes some by itself."""
+def _surface(thing, kind: str, output: str):
+    """The node tree of a material, lamp or world, and the node, of a kind, that its surface is."""
     if thing.node_tree is None:
         thing.use_nodes = True
-    thing.node_tree.nodes.clear()
-    return thing.node_tree
+    tree = thing.node_tree
+    tree.nodes.clear()  # Blender 5 makes some by itself
+    node, out = tree.nodes.new(f"ShaderNode{kind}"), tree.nodes.new(f"ShaderNode{output}")
+    tree.links.new(node.outputs[0], out.inputs["Surface"])
+    return tree, node
 
 
-def _material(bpy):
-    """A new material, its nodes and the socket of its surface."""
+def _material(bpy, kind: str):
+    """A new material, its node tree, and the node of its surface."""
     material = bpy.data.materials.new("paint")
-    tree = _nodes(material)
-    return material, tree, tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"]
+    return material, *_surface(material, kind, "OutputMaterial")

@@ -26,13 +26,7 @@ SENSOR = 100.0  # any width will do: the lens is scaled to it; Blender takes no 
 
 
 def load():
-    """The module ``bpy``.
-
-    Raises
-    ------
-    ImportError
-        If it is not installed, does not start on this machine, or is switched off.
-    """
+    """The module ``bpy``, or an ImportError that says why it does not run."""
     if probe.blender_works():
         import bpy
 
@@ -56,15 +50,17 @@ def opened(camera: Pinhole, samples: int) -> Iterator[tuple]:
     That function takes nothing and returns linear light, (H, W, 4) float32: red, green, blue
     and the share of the pixel that a surface covers. One sample goes through the centre of the
     pixel; more are spread by Cycles' own filter.
-
-    Raises
-    ------
-    ValueError
-        If Blender cannot be this camera.
-    ImportError
-        If Blender does not run here.
     """
-    _check(camera)
+    if camera.distortion.any() or camera.K[0, 1] != 0:
+        raise ValueError(
+            f"a camera with distortion {camera.distortion.tolist()} and skew {camera.K[0, 1]:g} "
+            "given; Blender's camera has neither, the ray caster has both"
+        )
+    if min(camera.width, camera.height) < 4:
+        raise ValueError(
+            f"a camera of {camera.width} x {camera.height} pixels given; Blender's has at least "
+            "4 x 4"
+        )
     bpy = load()
     with _silence(), tempfile.TemporaryDirectory() as folder:
         bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -90,8 +86,7 @@ def solid(bpy, triangles: np.ndarray, material, **values: np.ndarray):
     mesh.polygons.add(len(triangles))
     mesh.vertices.foreach_set("co", corners.ravel())
     mesh.loops.foreach_set("vertex_index", np.arange(len(corners), dtype=np.int32))
-    starts = np.arange(0, len(corners), 3, dtype=np.int32)
-    mesh.polygons.foreach_set("loop_start", starts)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
     for name, value in values.items():
         layer = mesh.attributes.new(name, "FLOAT", "FACE")
         layer.data.foreach_set("value", np.ascontiguousarray(value, np.float32))
@@ -100,19 +95,6 @@ def solid(bpy, triangles: np.ndarray, material, **values: np.ndarray):
     thing = bpy.data.objects.new("solid", mesh)
     bpy.context.scene.collection.objects.link(thing)
     return thing
-
-
-def repaint(bpy, material) -> None:
-    """Give every solid another material."""
-    for mesh in bpy.data.meshes:
-        mesh.materials[0] = material
-
-
-def set_bounces(bpy, number: int) -> None:
-    """Let light go on from surface to surface; veils let all of it through, without dice."""
-    settings = bpy.context.scene.cycles
-    settings.max_bounces = number
-    settings.min_transparent_bounces = settings.transparent_max_bounces = 128
 
 
 def add(bpy, data, pinhole: Pinhole):
@@ -174,19 +156,6 @@ def _photograph(bpy) -> np.ndarray:
     image.pixels.foreach_get(light)
     bpy.data.images.remove(image)
     return light.reshape(height, width, 4)[::-1]
-
-
-def _check(camera: Pinhole) -> None:
-    if camera.distortion.any() or camera.K[0, 1] != 0:
-        raise ValueError(
-            f"a camera with distortion {camera.distortion.tolist()} and skew {camera.K[0, 1]:g} "
-            "given; Blender's camera has neither, the ray caster has both"
-        )
-    if min(camera.width, camera.height) < 4:
-        raise ValueError(
-            f"a camera of {camera.width} x {camera.height} pixels given; Blender's has at least "
-            "4 x 4"
-        )
 
 
 @contextmanager

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,6 @@ from fpputil.checks import positive, whole
 from fpputil.files import write_arrays
 from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import WHITE, Fringe
-from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.raycasting import check_reflectance, outside_view
 from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
@@ -39,13 +39,12 @@ def photograph(
     Parameters
     ----------
     mesh, system, albedo, white_at
-        As for `see`.
+        As of `see`.
     fringes : Fringe or sequence of Fringe
         The projected patterns, in the order of the frames; without defocus.
     samples : int
         1 looks through the centre of each pixel, as the ray caster does. More are spread by
-        Cycles' own pixel filter, 1.5 pixels wide: neighbours mix, as in a real camera, and the
-        spread is noise.
+        Cycles' own filter, 1.5 pixels wide: neighbours mix, as in a real camera, and it is noise.
     quantise : bool
         True for uint8, False for float64.
 
@@ -56,27 +55,22 @@ def photograph(
 
     Notes
     -----
-    Eq. 1, chapter 2. Ray caster and Cycles differ in pixels within a hundredth of a pixel of an
-    edge; there Cycles may also let a facet shade the one beside it, one pixel in a hundred
-    thousand.
+    Ray caster and Cycles differ in pixels within a hundredth of a pixel of an edge; there Cycles
+    may also let a facet shade the one beside it, one pixel in a hundred thousand.
     """
     fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
     if not fringes:
         raise ValueError("no fringe given; a photograph needs at least one pattern")
-    for fringe in fringes:
-        shaders.check_pattern(fringe)
-    whole("samples", samples, 1)
-    scene = _scene(mesh, system, albedo, white_at)
+    shaders.check(system.projector, fringes)
     frames = []
-    with studio.opened(system.camera, samples) as (bpy, shoot):
-        lamp = _build(bpy, *scene)
+    with _staged(mesh, system, albedo, white_at, samples) as (_, lamp, shoot):
         for fringe in fringes:
             shaders.throw(lamp, system.projector, shaders.pattern(fringe))
             for n in range(fringe.steps):
                 lamp.node_tree.nodes["shift"].outputs[0].default_value = n / fringe.steps
-                light = shoot()
-                _check_seen(mesh, light)
-                frames.append(_frame(light[..., 0], quantise))
+                light = WHITE * shoot()[..., 0].astype(np.float64)
+                light = np.rint(light.clip(0, WHITE)).astype(np.uint8) if quantise else light
+                frames.append(light)
             if not np.any(frames):
                 raise ValueError(
                     "no pixel is lit; at least one pixel must be seen and lit "
@@ -99,33 +93,20 @@ def see(
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh
-        Vertices in world coordinates, mm.
-    system : System
-        Camera (without distortion and skew) and projector (without distortion).
-    albedo : float or (F,) array
-        Diffuse reflectance: one for all, or one for each face.
-    white_at : float
-        Distance from the projector, mm, at which a white face square to the light reads 255.
-
-    Returns
-    -------
-    View
+    mesh, system, albedo, white_at
+        As of `raycast`; no distortion, no skew of the camera, an albedo for all or one for each
+        face, (F,).
 
     Raises
     ------
     ValueError
-        As `fpputil.optics.raycasting.raycast`; also for what Blender cannot do.
-    ImportError
-        If Blender does not run here.
+        As of `raycast`; also for what Blender cannot do.
     """
-    projector, scene = system.projector, _scene(mesh, system, albedo, white_at)
-    with studio.opened(system.camera, 1) as (bpy, shoot):
-        lamp = _build(bpy, *scene)
+    projector = system.projector
+    with _staged(mesh, system, albedo, white_at, 1) as (bpy, lamp, shoot):
         shaders.throw(lamp, projector, shaders.address(projector))
         light = shoot()
-        _check_seen(mesh, light)
-        studio.repaint(bpy, shaders.glow_by_depth(bpy))
+        bpy.data.meshes[0].materials[0] = shaders.glow_by_depth(bpy)
         depth = shoot()[..., 0]
     shade = light[..., 2]
     mask = shade > 0
@@ -158,24 +139,26 @@ def stored(path: str | os.PathLike, make: Callable[[], np.ndarray]) -> np.ndarra
         raise ValueError(f"{path} given; it holds no stored photograph ({error})") from error
 
 
-def _scene(mesh, system: System, albedo, white_at: float) -> tuple:
-    """What `_build` needs, checked before Blender is started."""
+@contextmanager
+def _staged(mesh, system: System, albedo, white_at: float, samples: int) -> Iterator[tuple]:
+    """Blender with the mesh and the lamp of the projector; checked before it is started.
+
+    Yields ``bpy``, the lamp, and the function of `studio.opened` that photographs.
+    """
     check_mesh(mesh, "mesh")
-    shaders.check_projector(system.projector)
-    triangles = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
-    light = system.projector, positive("white_at", white_at, "mm")
-    return triangles, _albedo(albedo, len(triangles)), *light
+    shaders.check(system.projector)
+    positive("white_at", white_at, "mm")
+    albedo = _albedo(albedo, len(mesh.faces))
+    with studio.opened(system.camera, whole("samples", samples, 1)) as (bpy, shoot):
+        studio.solid(bpy, mesh.triangles, shaders.skin(bpy), albedo=albedo)
 
+        def seen():
+            light = shoot()
+            if not light[..., 3].any():
+                raise outside_view(mesh.vertices)
+            return light
 
-def _build(bpy, triangles, albedo, projector: Pinhole, white_at):
-    """Put the mesh and the projector into the empty scene; returns the projector's lamp."""
-    studio.solid(bpy, triangles, shaders.skin(bpy), albedo=albedo)
-    return shaders.projector(bpy, projector, white_at)
-
-
-def _frame(light: np.ndarray, quantise: bool) -> np.ndarray:
-    light = WHITE * light.astype(np.float64)
-    return np.rint(light.clip(0, WHITE)).astype(np.uint8) if quantise else light
+        yield bpy, shaders.projector(bpy, system.projector, white_at), seen
 
 
 def _albedo(albedo, faces: int) -> np.ndarray:
@@ -192,8 +175,3 @@ def _albedo(albedo, faces: int) -> np.ndarray:
         )
     check_reflectance(value)
     return np.broadcast_to(value, faces)
-
-
-def _check_seen(mesh, light: np.ndarray) -> None:
-    if not light[..., 3].any():
-        raise outside_view(mesh.vertices)

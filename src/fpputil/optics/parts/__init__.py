@@ -14,37 +14,23 @@ from fpputil.checks import seeded
 from fpputil.optics.parts import milled, turned
 from fpputil.optics.parts.stock import to_mesh
 
+NAMES = """
+    bracket flange gear housing knob shaft lattice tee bolt nut
+    pulley heatsink wheel clevis camshaft ports fan pillow conrod channel
+""".split()
 FAMILIES: dict[str, Callable[[np.random.Generator], Manifold]] = {
-    "bracket": milled.bracket,
-    "flange": turned.flange,
-    "gear": turned.gear,
-    "housing": milled.housing,
-    "knob": turned.knob,
-    "shaft": turned.shaft,
-    "lattice": milled.lattice,
-    "tee": turned.tee,
-    "bolt": turned.bolt,
-    "nut": turned.nut,
-    "pulley": turned.pulley,
-    "heatsink": milled.heatsink,
-    "wheel": turned.wheel,
-    "clevis": milled.clevis,
-    "camshaft": turned.camshaft,
-    "ports": milled.ports,
-    "fan": turned.fan,
-    "pillow": milled.pillow,
-    "conrod": milled.conrod,
-    "channel": milled.channel,
+    name: getattr(milled, name, None) or getattr(turned, name) for name in NAMES
 }
+"""The makers of parts by name; a seed draws one by its place."""
 
 
 def family_of(seed: int) -> str:
     """The family that part number ``seed`` belongs to, without making the part."""
-    return _drawn(seeded(seed))
+    return NAMES[seeded(seed).integers(len(NAMES))]
 
 
 def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
-    """Machine part number ``seed``, a closed mesh about 120 mm long, centred on the origin.
+    """Machine part number ``seed``, a watertight mesh about 120 mm long around the origin.
 
     Chapter 2.
 
@@ -56,25 +42,16 @@ def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
     family : str, optional
         A name out of `FAMILIES`, instead of the family the seed would choose.
 
-    Returns
-    -------
-    trimesh.Trimesh
-        Watertight, normals outwards; vertices (V, 3) in mm.
-
     Examples
     --------
     >>> part(7, "gear").is_watertight
     True
     """
     rng = seeded(seed)
-    drawn = _drawn(rng)
+    drawn = NAMES[rng.integers(len(NAMES))]
     family = drawn if family is None else family
     if family not in FAMILIES:
         raise ValueError(f"family {family!r} given; the families are {', '.join(FAMILIES)}")
     mesh = to_mesh(FAMILIES[family](rng))
     mesh.apply_translation(-mesh.bounds.mean(axis=0))
     return mesh
-
-
-def _drawn(rng: np.random.Generator) -> str:
-    return list(FAMILIES)[rng.integers(len(FAMILIES))]

@@ -35,9 +35,8 @@ def housing(rng: np.random.Generator) -> Manifold:
     seat = rod(rng.uniform(0.12, 0.2) * y, 0.3 * z)
     body = shell + lip.translate((0, 0, z - t)) + at(rod(boss, z), inset) + seat
     port = rod(rng.uniform(0.08, 0.13) * y, 4 * t).rotate((0, 90, 0))
-    places = [
-        (side * x / 2 - 2 * t, row * 0.16 * y, 0.5 * z) for row in (-1, 1) for side in (-1, 1)
-    ]
+    signs = [(side, row) for row in (-1, 1) for side in (-1, 1)]
+    places = [(side * x / 2 - 2 * t, row * 0.16 * y, 0.5 * z) for side, row in signs]
     holes = at(rod(0.5 * boss, z, 0.5 * z), inset)
     return body - holes - at(port, places[: int(rng.integers(1, 5))])
 
@@ -105,9 +104,8 @@ def pillow(rng: np.random.Generator) -> Manifold:
     bore, wall, width = rng.uniform([17, 7, 30], [24, 11, 45])
     foot, rise = rng.uniform(125, 145), bore + wall + rng.uniform(4, 14)
     seat = rod(bore + wall, width).rotate((90, 0, 0)).translate((0, width / 2, rise))
-    cheek = outline(
-        [(-bore - wall, rise), (-bore - wall - 14, 5), (bore + wall + 14, 5), (bore + wall, rise)]
-    )
+    half = bore + wall
+    cheek = outline([(-half, rise), (-half - 14, 5), (half + 14, 5), (half, rise)])
     body = seat + cheek.extrude(0.7 * width).rotate((90, 0, 0)).translate((0, 0.35 * width, 0))
     slot = slab(16, 9, 40, 4.4).translate((0, 0, -9))
     slots = at(slot, [(s * (foot / 2 - 14), 0, 0) for s in (-1, 1)])
@@ -120,11 +118,8 @@ def conrod(rng: np.random.Generator) -> Manifold:
     """Connecting rod: two eyes joined by an I-beam. Genus: 2."""
     length, big, small, t = rng.uniform([75, 22, 12, 14], [95, 30, 18, 22])
     eyes = rod(big, t) + rod(small, t).translate((length, 0, 0))
-    circles = [
-        CrossSection.circle(r).translate((x, 0))
-        for x, r in ((0, 0.75 * big), (length, 0.8 * small))
-    ]
-    beam = CrossSection.batch_hull(circles)
+    ends = [CrossSection.circle(0.75 * big), CrossSection.circle(0.8 * small)]
+    beam = CrossSection.batch_hull([ends[0], ends[1].translate((length, 0))])
     pocket = beam.offset(-4, JoinType.Round, 2.0, 32).extrude(t)
     beam = beam.extrude(0.8 * t).translate((0, 0, 0.1 * t))
     eyes_only = rod(big + 3, 9 * t, -t) + rod(small + 3, 9 * t, -t).translate((length, 0, 0))
@@ -138,17 +133,12 @@ def channel(rng: np.random.Generator) -> Manifold:
     x, web, rise, t = rng.uniform([100, 45, 20, 1.4], [130, 70, 45, 2.8])
     second = float(rng.choice([-1, 1]))
     line = [(-web / 2, rise), (-web / 2, 0), (web / 2, 0), (web / 2, second * rise)]
-    legs = [
-        CrossSection.batch_hull([CrossSection.circle(t / 2, 24).translate(p) for p in pair])
-        for pair in pairwise(line)
-    ]
+    ends = [CrossSection.circle(t / 2, 24).translate(p) for p in line]
+    legs = [CrossSection.batch_hull(list(pair)) for pair in pairwise(ends)]
     sheet = (legs[0] + legs[1] + legs[2]).extrude(x).rotate((90, 0, 90)).translate((-x / 2, 0, 0))
     columns, rows = int(rng.integers(3, 7)), int(rng.integers(1, 3))
     size = 0.6 * x / columns, 0.4 * web / rows
     slot = slab(*size, 6 * t, 0.45 * min(size))
-    places = [
-        ((i + 0.5) / columns * x - x / 2, (j + 0.5) / rows * 0.8 * web - 0.4 * web, -3 * t)
-        for i in range(columns)
-        for j in range(rows)
-    ]
-    return sheet - at(slot, places)
+    xs = (np.arange(columns) + 0.5) / columns * x - x / 2
+    ys = (np.arange(rows) + 0.5) / rows * 0.8 * web - 0.4 * web
+    return sheet - at(slot, [(x, y, -3 * t) for x in xs for y in ys])

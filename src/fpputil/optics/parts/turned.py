@@ -21,22 +21,9 @@ def flange(rng: np.random.Generator) -> Manifold:
     rim, bore, wall, t, h = rng.uniform([48, 12, 5, 8, 22], [65, 22, 9, 14, 55])
     neck = bore + wall
     face = rng.uniform(0.6, 0.68) * rim
-    body = turned(
-        [
-            (bore, -2),
-            (face, -2),
-            (face, 0),
-            (rim - 1, 0),
-            (rim, 1),
-            (rim, t - 1),
-            (rim - 1, t),
-            (neck + 8, t),
-            (neck, t + 10),
-            (neck, h - 3),
-            (neck - 3, h),
-            (bore, h),
-        ]
-    )
+    r = bore, face, face, rim - 1, rim, rim, rim - 1, neck + 8, neck, neck, neck - 3, bore
+    z = -2, -2, 0, 0, 1, t - 1, t, t, t + 10, h - 3, h, h
+    body = turned(np.c_[r, z])
     count = int(rng.choice([4, 6, 8, 12]))
     radius = min(0.1 * rim, 0.5 * rim * np.sin(np.pi / count))
     return body - around(rod(radius, 3 * t, -t), count, (face + rim) / 2 + 1)
@@ -62,18 +49,9 @@ def knob(rng: np.random.Generator) -> Manifold:
     rim, h, stem = rng.uniform([45, 24, 16], [60, 38, 22])
     count = int(rng.choice([3, 4, 5, 6, 8, 24]))
     crown = rng.uniform(4, 9)
-    body = turned(
-        [
-            (0, 0),
-            (rim - 4, 0),
-            (rim, 4),
-            (rim, h - crown),
-            (rim - crown / 2, h - 1.5),
-            (rim - 2 * crown, h),
-            (rim * 0.4, h + 1),
-            (0, h + 1),
-        ]
-    )
+    r = 0, rim - 4, rim, rim, rim - crown / 2, rim - 2 * crown, rim * 0.4, 0
+    z = 0, 0, 4, h - crown, h - 1.5, h, h + 1, h + 1
+    body = turned(np.c_[r, z])
     reach = rim * np.pi / count * 0.55
     scallops = around(rod(reach, 3 * h, -h), count, rim + 0.35 * reach)
     collar = turned([(0, -30), (stem - 2, -30), (stem, -28), (stem, -8), (stem + 8, 0), (0, 2)])
@@ -117,11 +95,9 @@ def bolt(rng: np.random.Generator) -> Manifold:
     r, pitch, length, shank = rng.uniform([11, 5, 50, 15], [16, 7, 75, 35])
     head = hexagon(2 * r, 1.3 * r, 2.5)
     if rng.random() < 0.5:
+        cap = [(0, 0), (1.7 * r, 0), (1.7 * r, 1.4 * r), (1.6 * r, 1.5 * r), (0, 1.5 * r)]
         socket = CrossSection.circle(0.9 * r, 6).extrude(r).translate((0, 0, 0.7 * r))
-        head = (
-            turned([(0, 0), (1.7 * r, 0), (1.7 * r, 1.4 * r), (1.6 * r, 1.5 * r), (0, 1.5 * r)])
-            - socket
-        )
+        head = turned(cap) - socket
     screw = thread(r, pitch, length).translate((0, 0, -length - shank))
     end = -length - shank
     tip = turned([(0, end), (0.5 * r, end), (1.1 * r, end + 0.6 * r), (1.1 * r, 0), (0, 0)])
@@ -151,11 +127,8 @@ def pulley(rng: np.random.Generator) -> Manifold:
     rim, hub = rng.uniform([50, 15], [64, 22])
     grooves, depth = int(rng.integers(1, 4)), rng.uniform(8, 12)
     width = 16.0 * grooves + 5
-    belt = [
-        (rim - depth * v, 16 * i + z)
-        for i in range(grooves)
-        for z, v in ((5, 0), (9, 1), (12, 1), (16, 0))
-    ]
+    groove = ((5, 0), (9, 1), (12, 1), (16, 0))
+    belt = [(rim - depth * v, 16 * i + z) for i in range(grooves) for z, v in groove]
     body = turned([(0, 0), (rim, 0), *belt, (rim, width), (0, width)])
     inner, web = rim - depth - 5, width * 0.33
     dish = turned([(hub, -1), (inner - 3, -1), (inner, web), (hub - 3, web)])
@@ -174,9 +147,8 @@ def wheel(rng: np.random.Generator) -> Manifold:
     spoke = Manifold.cylinder(rim - section, 0.8 * section, 0.55 * section, 32).rotate((0, 90, 0))
     spoke = spoke.rotate((0, float(np.degrees(np.arctan2(drop, rim))), 0)).scale((1, 1, 0.7))
     body = around(spoke.translate((0, 0, drop)), spokes) + ring
-    body = body + turned(
-        [(0, -8), (hub - 2, -8), (hub, -6), (hub, drop + 7), (hub - 2, drop + 9), (0, drop + 9)]
-    )
+    side = [(hub - 2, -8), (hub, -6), (hub, drop + 7), (hub - 2, drop + 9)]
+    body = body + turned([(0, -8), *side, (0, drop + 9)])
     if rng.random() < 0.5:
         grip = turned([(0, 0), (4, 0), (4, 10), (7, 14), (8, 30), (6, 40), (0, 42)])
         body = body + grip.translate((rim - section, 0, 0))
