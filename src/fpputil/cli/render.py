@@ -104,7 +104,6 @@ def render(
     json
         Print one JSON object.
     """
-    import numpy as np
 
     from fpputil.calibration.board import Board
     from fpputil.capture.patterns import Patterns
@@ -117,7 +116,7 @@ def render(
     from fpputil.optics.system import load_system
 
     shown, rig = Patterns.load(patterns), load_system(system)
-    centre = np.array([0, 0, distance]) - rig.camera.t
+    centre = rig.camera.R.T @ ([0, 0, distance] - rig.camera.t)
     camera = {"noise": noise, "gain": gain, "ambient": ambient, "gamma": gamma}
 
     def bodies():
