@@ -63,7 +63,12 @@ REFUSALS = {
     "no patterns": (lambda path: open_capture(path), "no patterns.toml in"),
     "no photograph": (lambda path: open_capture(without_photographs(path)), "0 of 6 photographs"),
     "one axis": (lambda path: board_pose(folder_of(path)), "a calibration needs columns and rows"),
+    "noise": (lambda path: measured(path, how={"noise": -1.0}), "noise -1.0 given"),
     "results there": (lambda path: decode_folder(folder_of(path), path), "is not empty"),
+    "results over the photographs": (
+        lambda path: decode_folder(folder_of(path), path, force=True),
+        "the photographs of",
+    ),
 }
 
 

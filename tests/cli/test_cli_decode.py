@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -21,6 +22,8 @@ from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.cli import main
 from fpputil.decoding.pointcloud import fit_sphere
+from fpputil.optics.shapes import rotation
+from fpputil.optics.system import preset
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +35,19 @@ def loop(tmp_path_factory):
     options = ["--system", "tiny", "--sphere", "100"]
     assert main(["render", str(root / "shots"), *patterns, *options]) == 0
     return root
+
+
+def test_a_body_stands_before_a_camera_that_looks_elsewhere(loop, tmp_path):
+    system, turn = preset("tiny").system, rotation(90, 0)  # of the world
+    moved = (replace(p, R=p.R @ turn.T) for p in (system.camera, system.projector))
+    replace(system, **dict(zip(("camera", "projector"), moved, strict=True))).save(
+        tmp_path / "turned.json"
+    )
+    options = ["--patterns", loop / "p" / "patterns.toml", "--sphere", 100, "--supersample", 1]
+    words = ["render", tmp_path / "shots", "--system", tmp_path / "turned.json", *options]
+    assert main([*map(str, words)]) == 0
+    depth = np.load(tmp_path / "shots" / "truth.npz")["depth"]
+    assert np.nanmin(depth) == pytest.approx(560, abs=0.5)
 
 
 def test_the_loop_ends_in_points_on_the_sphere(loop, tmp_path, capsys):
@@ -150,6 +166,7 @@ def test_photographs_without_a_pattern_file(loop, tmp_path, capsys):
         (["decode", ".", "--patterns", "a", "--files", "b"], "--patterns and --files given"),
         (["decode", ".", "--system", "huge"], "preset 'huge' given"),
         (["patterns", "p", "--pitches", "24", "912"], "they must descend strictly"),
+        (["patterns", "p", "--pitches", "inf", "24"], "pitch inf given"),
         (["patterns", "p", "--pitches", "114", "24"], "must cover the whole projector"),
         (["patterns", "p", "--unwrap", "nt"], "without --pitches given"),
         (["patterns", "p", "--steps", "2"], "2 steps given"),

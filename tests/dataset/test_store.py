@@ -2,14 +2,17 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import zarr
 
 from fpputil.dataset import layout
-from fpputil.dataset.store import check_files, open_store
+from fpputil.dataset.store import Store, check_files, open_store
 from fpputil.optics.fringes import Fringe
+from fpputil.optics.shapes import rotation
+from fpputil.optics.system import system_to_dict
 
 
 @pytest.fixture
@@ -152,3 +155,19 @@ def test_reading_is_what_zarr_reads(small_set):
     for name in layout.KINDS:
         for index in range(22):
             np.testing.assert_array_equal(group[name][index], store.array(name, index))
+
+
+def test_a_view_does_not_depend_on_where_the_world_lies(small_set):
+    store = open_store(small_set)
+    index = store.indices("training")[0]
+    turn, shift = rotation(60, 120), np.array([30.0, -20.0, 10.0])  # x' = turn x + shift
+
+    def moved(pinhole):
+        R = pinhole.R @ turn.T
+        return replace(pinhole, R=R, t=pinhole.t - R @ shift)
+
+    system = store.system
+    system = replace(system, camera=moved(system.camera), projector=moved(system.projector))
+    other = Store(store.path, {**store.manifest, "system": system_to_dict(system)})
+    one, two = (s.view(index) for s in (store, other))
+    np.testing.assert_allclose(two.row[two.mask], one.row[one.mask], atol=1e-3)

@@ -109,6 +109,8 @@ def decode_folder(
     capture = open_capture(folder, patterns, full)
     name = folder.absolute().name
     out = folder.with_name(f"{name}-decoded") if out is None else Path(out)
+    if force and folder.resolve().is_relative_to(out.resolve()):  # they would be deleted
+        raise ValueError(f"{out} given for the results; the photographs of {folder} lie there")
     how = {"threshold": threshold, "gamma": gamma, "noise": noise, "system": system}
     with folder_whole(out, force) as partial:
         axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)

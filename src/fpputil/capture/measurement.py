@@ -15,6 +15,7 @@ from fpputil.capture.gamma import LEAST_STEPS, estimate_gamma, linearise
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Fit, Noise, Reason, fit, judge, noise_of
+from fpputil.checks import not_negative
 from fpputil.decoding import unwrap
 from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
 from fpputil.decoding.phase import THRESHOLD
@@ -162,6 +163,7 @@ def measure(
     >>> result.Phi.shape, bool(np.nanmedian(abs(result.coordinate - view.column)) < 0.1)
     ((120, 160), True)
     """
+    threshold = not_negative("threshold", threshold, "grey levels")
     patterns = capture.patterns
     unwrapped = unwrapper(patterns, axis, system, capture.size)
     fits, sample, gamma = _read(capture, axis, gamma, each)
@@ -169,7 +171,7 @@ def measure(
     if noise is None:
         variance = noise_of([linearise(frames, gamma) for frames in sample], threshold)
     else:
-        variance = Noise(noise**2, 0.0, True)
+        variance = Noise(not_negative("noise", noise, "grey levels") ** 2, 0.0, True)
     Phis = unwrapped(np.stack([one.wrapped for one in fits]))
     reason, sigmas, offsets, sharpness = judge(
         fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)

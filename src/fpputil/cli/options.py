@@ -66,7 +66,7 @@ class Fringes:
         if self.pitches is None and unwrap not in ("mf", "minimum"):
             raise ValueError(f"unwrap {unwrap!r} without --pitches given; name them")
         pitches = self.pitches or [side, side / 8, side / 48]
-        pitches = [int(p) if p == int(p) else p for p in pitches]
+        pitches = [int(p) if float(p).is_integer() else p for p in pitches]
         axes = ("column", "row") if self.axis == "both" else (self.axis or "column",)
         steps = self.steps if len(self.steps or ()) > 1 else (self.steps or [8])[0]
         fringes = sum((fringe_set(pitches, steps, axis=axis) for axis in axes), ())

@@ -57,7 +57,6 @@ def render(
     What a camera would see of the patterns on a body, as PNG files that `fpp decode` reads, with
     system.json and truth.npz (column, row, depth, mask).
     """
-    import numpy as np
 
     from fpputil.calibration.board import Board
     from fpputil.capture.patterns import Patterns
@@ -69,7 +68,7 @@ def render(
     from fpputil.optics.system import load_system
 
     shown, rig = Patterns.load(patterns), load_system(system)
-    centre = np.array([0, 0, distance]) - rig.camera.t
+    centre = rig.camera.R.T @ ([0, 0, distance] - rig.camera.t)
     camera = {"noise": noise, "gain": gain, "ambient": ambient, "gamma": gamma}
 
     def bodies():
