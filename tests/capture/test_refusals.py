@@ -1,5 +1,7 @@
 """What is refused with real photographs, and in which words."""
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -64,6 +66,7 @@ REFUSALS = {
     "no photograph": (lambda path: open_capture(without_photographs(path)), "0 of 6 photographs"),
     "one axis": (lambda path: board_pose(folder_of(path)), "a calibration needs columns and rows"),
     "noise": (lambda path: measured(path, how={"noise": -1.0}), "noise -1.0 given"),
+    "threshold": (lambda path: measured(path, how={"threshold": math.nan}), "threshold nan given"),
     "results there": (lambda path: decode_folder(folder_of(path), path), "is not empty"),
     "results over the photographs": (
         lambda path: decode_folder(folder_of(path), path, force=True),

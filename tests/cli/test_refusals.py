@@ -113,7 +113,6 @@ def test_datasets_that_cannot_train(train, refused, tmp_path):
     [
         ("--views 0", "views 0 given"),
         ("--noise -1", "noise -1.0 given"),
-        ("--threshold nan", "threshold nan given"),
         ("--seed -1", "seed -1 given"),
         ("--precision half", "precision 'half' given"),
         ("--split exam", "split 'exam' given; the splits are training"),
