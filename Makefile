@@ -35,7 +35,7 @@ test: install ## prove it: style, unit tests, every chapter, every page; ALL=1: 
 	@$(MAKE) --no-print-directory lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests --ignore=tests/book $(FAST) $(TWO) # a fifth faster than with two threads each
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --doctest-modules src --ignore=src/fpputil/cli/__main__.py -q
-	$(BIN)/python -m pytest --nbval --nbval-current-env --nbval-sanitize-with tests/nbval.cfg $(TWO) $(CHAPTERS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --nbval --nbval-current-env --nbval-sanitize-with tests/nbval.cfg $(TWO) $(CHAPTERS)
 	$(BIN)/python -m pytest tests/book $(TWO)
 	@echo; echo "All proved."
 
