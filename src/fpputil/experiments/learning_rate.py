@@ -12,6 +12,7 @@ from fpputil.experiments.registry import LEARNING_RATES, SEARCH_CONFIG, SEARCHED
 from fpputil.files import write_whole
 from fpputil.learning.devices import device_of, hardware
 from fpputil.learning.training import fit
+from fpputil.learning.weights import plain
 from fpputil.networks.methods import settings_of
 
 MEASURES = ("mae", "rmse", "order_errors")
@@ -43,7 +44,7 @@ def search_learning_rate(
         raise ValueError(f"{data} was made with the preset {made}; rates are searched at tiny")
     wanted = {
         "data": store.name,
-        "settings": as_json(asdict(SEARCH_CONFIG)),
+        "settings": plain(asdict(SEARCH_CONFIG)),
         "methods": {kind: settings_of(known[kind]) for kind in SEARCHED},
     }
     search = read_json(path, *wanted, "runs") if path.is_file() else {**wanted, "runs": {}}
@@ -99,8 +100,3 @@ def read_json(path: Path, *needed: str) -> dict:
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path} is no file of results ({error}); remove it") from error
     return values
-
-
-def as_json(value):
-    """The value as it comes back from JSON: tuples as lists, keys as text."""
-    return json.loads(json.dumps(value))

@@ -20,13 +20,13 @@ from fpputil.dataset.store import open_store
 from fpputil.experiments import statistics, tables
 from fpputil.experiments.assessment import SPLITS, TRUTH, VIEWS, assess
 from fpputil.experiments.error_analysis import ErrorAnalysis
-from fpputil.experiments.learning_rate import as_json, best_learning_rate, read_json
+from fpputil.experiments.learning_rate import best_learning_rate, read_json
 from fpputil.experiments.registry import SCENES, budget, experiments
 from fpputil.experiments.statistics import Interval, Spread, seeds_of
 from fpputil.files import write_whole
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.training import CHECKPOINT, WEIGHTS, fit
-from fpputil.learning.weights import load_weights, short
+from fpputil.learning.weights import load_weights, plain, short
 from fpputil.networks.complexity import cost
 from fpputil.networks.methods import Method, method_of, settings_of
 from fpputil.notebook import Table
@@ -180,7 +180,7 @@ def make_run(
     method, kind, seed = known[name].method, known[name].kind, known[name].seed
     rate = best_learning_rate(results / "tiny" / "rates.json", kind)
     settings = replace(budget(preset), learning_rate=rate, seed=seed)
-    values = (name, preset, seed, store.name, settings_of(method), as_json(asdict(settings)))
+    values = (name, preset, seed, store.name, settings_of(method), plain(asdict(settings)))
     identity = dict(zip(IDENTITY, values, strict=True))
     mark = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:8]
     path = results / preset / f"{name}.json"
@@ -275,8 +275,15 @@ class Results:
 
     def rows(self, number: int | str, *names: str) -> dict[str, tables.Row]:
         """Rows of a table by the name of their run: all, or some."""
-        rows = {row.name: row for row in tables.table(number, self.runs, self.seeded)}
+        if number not in self._rows:  # a table, its differences and its text share them
+            table = tables.table(number, self.runs, self.seeded)
+            self._rows[number] = {row.name: row for row in table}
+        rows = self._rows[number]
         return {name: rows[name] for name in names or rows}
+
+    @cached_property
+    def _rows(self) -> dict:
+        return {}
 
     def table(self, number: int | str, *names: str) -> Table:
         """A table of the paper, 3 to 6, or "ours", with the paper's values below ours."""
