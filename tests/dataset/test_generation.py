@@ -252,6 +252,18 @@ def test_any_number_of_workers_gives_the_same_bytes(small_set, tmp_path):
     assert tree(tmp_path / "again") == tree(small_set)
 
 
+def test_what_a_lost_worker_was_writing_is_removed(tmp_path):
+    """A cluster gives its model to another worker; the half-written file belongs to nobody."""
+    out, plan = tmp_path / "set", plan_of("tiny", *seeded_models(3, 0), 1, 0, 240.0)
+
+    def lost_half_way(*job):
+        (out / "mask.123-0a1b2c3d.part").write_bytes(b"half")
+        return generation.see_model(*job)
+
+    fill(out, plan, lost_half_way)
+    assert not list(out.rglob("*.part"))
+
+
 @pytest.mark.slow
 def test_a_killed_run_goes_on_to_the_same_bytes(small_set, tmp_path):
     """kill -9 again and again, at moments that differ, until a run comes to its end."""

@@ -222,8 +222,7 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
     shared = {k: plan[k] for k in ("settings", "system", "pitches", "frames")}
     models, views = plan["models"], plan["settings"]["views"]
     with _claim(out), executor as pool:
-        for file in out.rglob(layout.PARTIAL):  # of a run that was killed
-            file.unlink(missing_ok=True)
+        _sweep(out)  # of a run that was killed
         manifest, records = _finished(out, plan)
         if manifest is None or len(records) < len(models):
             lacking = (n for n in records if not (out / _record(n)).exists())
@@ -242,7 +241,14 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
             manifest = _complete(out, plan, [records[n] for n in range(len(models))])
             layout.put(out, {layout.MANIFEST: layout.dumps(manifest)})
         shutil.rmtree(out / RECORDS, ignore_errors=True)
+        _sweep(out)  # of workers that were lost on the way
         return manifest
+
+
+def _sweep(out: Path) -> None:
+    """Remove the files that were being written when their process was killed."""
+    for file in out.rglob(layout.PARTIAL):
+        file.unlink(missing_ok=True)
 
 
 @contextmanager
