@@ -32,7 +32,7 @@ def prepared(name: str):
 
 def _peak() -> float:
     """Greatest memory of this process so far, MiB."""
-    lines = Path("/proc/self/status").read_text().splitlines()
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     (line,) = (line for line in lines if line.startswith("VmHWM"))
     return int(line.split()[1]) / 1024
 
@@ -56,7 +56,7 @@ def bench_rivals(repeats: int = 5) -> dict:
 
 if __name__ == "__main__":
     _, act = prepared(sys.argv[1])
-    Path("/proc/self/clear_refs").write_text("5")  # forget the peak, which began as the parent's
+    Path("/proc/self/clear_refs").write_bytes(b"5")  # forget the peak, which began as the parent's
     before = _peak()
     act()
     print(_peak() - before)

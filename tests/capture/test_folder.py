@@ -41,7 +41,11 @@ def test_wrong_phases_are_not_written(shots, tiny):
     result = decode_folder(shots, shots.with_name("out"), tiny.system, patterns=turned)
     assert [f.code for f in result.findings] == ["direction"]
     assert not result.summary["decoded"] and result.points is None
-    assert sorted(p.name for p in result.out.iterdir()) == ["report.html", "summary.json"]
+    assert sorted(p.name for p in result.out.iterdir()) == [
+        ".fpputil.json",
+        "report.html",
+        "summary.json",
+    ]
     page = (result.out / "report.html").read_text()
     assert "The phases are wrong" in page and "the projector&#39;s columns grow" in page
 

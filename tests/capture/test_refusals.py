@@ -36,6 +36,12 @@ def without_photographs(path):
     return path
 
 
+def into_a_full_folder(path):
+    (path / "there").mkdir()
+    (path / "there" / "diary.txt").touch()
+    decode_folder(folder_of(path), path / "there")
+
+
 def of_rows(path):
     result = measured(path, (1140, 114), axis="row", how={"axis": "row"})
     return result.points(preset("tiny").system)
@@ -67,10 +73,10 @@ REFUSALS = {
     "one axis": (lambda path: board_pose(folder_of(path)), "a calibration needs columns and rows"),
     "noise": (lambda path: measured(path, how={"noise": -1.0}), "noise -1.0 given"),
     "threshold": (lambda path: measured(path, how={"threshold": math.nan}), "threshold nan given"),
-    "results there": (lambda path: decode_folder(folder_of(path), path), "is not empty"),
+    "results there": (into_a_full_folder, "is not empty"),
     "results over the photographs": (
         lambda path: decode_folder(folder_of(path), path, force=True),
-        "the photographs of",
+        "lies there: name another folder",
     ),
 }
 

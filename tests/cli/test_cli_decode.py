@@ -115,7 +115,8 @@ def test_a_fault_is_named_and_phases_are_not_written(loop, tmp_path, capsys):
     said = capsys.readouterr().err
     assert "grow from right to left" in said and "give shift 1" in said
     out = tmp_path / "shots-decoded"
-    assert sorted(p.name for p in out.iterdir()) == ["report.html", "summary.json"]
+    left = sorted(p.name for p in out.iterdir())
+    assert left == [".fpputil.json", "report.html", "summary.json"]
     assert "The phases are wrong" in (out / "report.html").read_text()
     assert main(["decode", str(shots)]) == 1 and "is not empty" in capsys.readouterr().err
     assert main(["decode", str(shots), "--force", "--accept"]) == 0

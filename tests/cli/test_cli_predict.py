@@ -14,7 +14,7 @@ from fpputil.optics.fringes import Fringe
 
 DATA = Path(__file__).parents[2] / "data"
 WEIGHTS = str(DATA / "weights/sfnet-tiny.safetensors")
-NAMES = ["points.ply", "predicted.npz", "predicted.png"]
+NAMES = [".fpputil.json", "points.ply", "predicted.npz", "predicted.png"]
 
 
 pytestmark = pytest.mark.usefixtures("quick")
@@ -113,7 +113,7 @@ def test_swapped_photographs_are_warned_of_and_still_predicted(shot, capsys):
 )
 def test_errors_are_one_line_and_leave_nothing(photographs, options, said, shot, frames, capfd):
     Path("cut.png").write_bytes(Path("high.png").read_bytes()[:3000])
-    Path("text.tif").write_text("no picture")
+    Path("text.tif").write_text("no picture", encoding="utf-8")
     np.save("pickle.npy", np.array([{}], object), allow_pickle=True)
     np.save("nan.npy", np.where(frames["low"] > 90, np.nan, 30.0))
     cv2.imwrite("black.png", 0 * frames["low"])
@@ -127,16 +127,15 @@ def test_errors_are_one_line_and_leave_nothing(photographs, options, said, shot,
 
 def test_a_folder_is_replaced_by_force_alone(shot, capsys):
     assert call("high.png", "low.png") == 0
-    Path("out/predicted.png").write_text("earlier")
+    before = Path("out").stat().st_ino
     assert call("high.png", "low.png") == 1
-    assert "out is not empty" in capsys.readouterr().err
-    assert Path("out/predicted.png").read_text() == "earlier"
+    assert "out is not empty" in capsys.readouterr().err and Path("out").stat().st_ino == before
     assert call("high.png", "low.png", more=["--force"]) == 0
-    assert Path("out/predicted.png").read_bytes() == b"no picture" and left(shot) == ["out"]
-    Path("out/diary.txt").write_text("mine")
+    assert Path("out").stat().st_ino != before and left(shot) == ["out"]
+    Path("out/diary.txt").write_text("mine", encoding="utf-8")
     assert call("high.png", "low.png", more=["--force"]) == 1
-    assert "out holds diary.txt, which is of no prediction" in capsys.readouterr().err
-    assert Path("out/diary.txt").read_text() == "mine"
+    assert "out holds diary.txt, not as `fpp predict` wrote it" in capsys.readouterr().err
+    assert Path("out/diary.txt").read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def cluster(tmp_path):
     start = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
     address = tmp_path / "scheduler.json"
     options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", address]
-    with open(tmp_path / "log", "w") as log:
+    with open(tmp_path / "log", "w", encoding="utf-8") as log:
         quiet = {"stdout": log, "stderr": log, "cwd": tmp_path}
         processes = [subprocess.Popen([*start, *options], **quiet)]
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,12 +83,12 @@ def decode_folder(
     accept, report, pictures : bool
         Write phases although they are wrong; write ``report.html``; write TIFF files.
     force, progress : bool
-        Take the place of `out`; show a bar in a terminal.
+        Take the place of an earlier decoding at `out`; show a bar in a terminal.
 
     Raises
     ------
     ValueError
-        As of `open_capture` and `measure`, if `out` is not empty, or there is no point to write.
+        As of `open_capture`, `measure` and `folder_whole`, or if there is no point to write.
 
     Examples
     --------
@@ -109,10 +110,8 @@ def decode_folder(
     capture = open_capture(folder, patterns, full)
     name = folder.absolute().name
     out = folder.with_name(f"{name}-decoded") if out is None else Path(out)
-    if force and folder.resolve().is_relative_to(out.resolve()):  # they would be deleted
-        raise ValueError(f"{out} given for the results; the photographs of {folder} lie there")
     how = {"threshold": threshold, "gamma": gamma, "noise": noise, "system": system}
-    with folder_whole(out, force) as partial:
+    with folder_whole(out, "fpp decode", force, [folder]) as partial:
         axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)
         quiet = None if progress else True
         with tqdm(total=total, unit="photo", leave=False, disable=quiet) as bar:
@@ -143,10 +142,11 @@ def decode_folder(
                     values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
                 tifffile.imwrite(partial / f"{key}.tif", values, photometric="minisblack")
         if report:
-            html = page(f"Decoding of {name}", measurements, findings, depth)
-            (partial / "report.html").write_text(html, encoding="utf-8")
+            title = os.fsencode(name).decode(errors="backslashreplace")  # in any script and locale
+            html = page(f"Decoding of {title}", measurements, findings, depth)
+            write_whole(partial / "report.html", html.encode())
         summary["seconds"] = round(time.perf_counter() - start, 2)
-        (partial / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
+        write_whole(partial / "summary.json", f"{json.dumps(summary, indent=1)}\n".encode())
     return DecodedFolder(out, summary, measurements, findings, points)
 
 

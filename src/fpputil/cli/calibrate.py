@@ -49,6 +49,7 @@ def calibrate(
         raise ValueError(f"projectors of {sizes} pixels given; all poses need one")
     lenses = {"lens": lens, "projector_lens": projector_lens}
     fit = calibrate(target, list(poses), projectors[0], *reach, **lenses)
+    free(system, force)  # once more: calibrating takes its time
     fit.system.save(system)
     if json:
         names = ("camera_errors", "projector_errors", "rejected", "sigma", "warnings")

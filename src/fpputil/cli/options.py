@@ -26,7 +26,7 @@ def _size(type_, tokens) -> tuple[int, int]:
 SEVERAL = {"consume_multiple": True}  # values after one option
 Size = Annotated[tuple[int, int], Parameter(converter=_size, n_tokens=1, metavar="WxH")]
 Out = Annotated[Path, option("New folder.")]
-Force = Annotated[bool, option("Replace what is there.")]
+Force = Annotated[bool, option("Replace earlier results.")]
 Json = Annotated[bool, option("Print one JSON object.")]
 System = Annotated[str, option("tiny, small, paper, or a file: .json, .yml, .yaml.")]
 Square = Annotated[float, option("Distance of the board's points, mm.")]
@@ -113,6 +113,14 @@ def given(options) -> dict:
 
 
 def free(file: Path, force: bool) -> None:
-    """ValueError if a file is there and may not be replaced."""
-    if file.exists() and not force:
+    """ValueError if a file is there, unless it is a system file and may be replaced."""
+    from fpputil.optics.system import load_system
+
+    if not file.exists():
+        return
+    if not force:
         raise ValueError(f"{file} is there already; name another file, or use --force")
+    try:
+        load_system(file)
+    except ValueError as error:
+        raise ValueError(f"--force replaces a system file alone: {error}") from error

@@ -31,7 +31,7 @@ def patterns(
     files = {"white": "000-white.png", "black": "001-black.png"} if plain else {}
     chosen = fringes.patterns(projector, files="{number:03}-{axis}-{pitch}-{step:02}.png", **files)
     shots = chosen.shots()
-    with folder_whole(out, force) as folder:
+    with folder_whole(out, "fpp patterns", force) as folder:
         for shot in shots:
             _, data = cv2.imencode(".png", chosen.picture(shot))
             write_whole(folder / shot.file, data.tobytes())

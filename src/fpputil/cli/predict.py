@@ -49,13 +49,10 @@ def predict(
     from fpputil.learning.weights import load_weights
     from fpputil.optics.system import load_system
 
-    other = sorted({p.name for p in out.iterdir()} - set(FILES)) if out.is_dir() and force else ()
-    if other:
-        raise ValueError(f"--out {out} holds {other[0]}, which is of no prediction; it stays")
     trained, rig = load_weights(weights), load_system(system)
     shots = prediction.check_photographs(trained, [_levels(path) for path in photo], rig)
     warnings = _warn(prediction.warnings(shots))
-    with folder_whole(out, force) as folder:
+    with folder_whole(out, "fpp predict", force, [*photo, weights]) as folder:
         result = prediction.predict(trained, shots, device, precision)
         inside = np.isfinite(result.points).all(axis=-1)
         depths = np.percentile(result.depth[inside], [0, 50, 100]).tolist()

@@ -81,7 +81,8 @@ def render(
             body = machine_part(part) if mesh is None else shapes.load_mesh(mesh)
             yield "", shapes.place(body, size, centre, shapes.rotation(*turn)), 0.9
 
-    with folder_whole(out, force) as folder:
+    inputs = [file for file in (patterns, mesh) if file is not None]
+    with folder_whole(out, "fpp render", force, inputs) as folder:
         for number, (name, body, albedo) in enumerate(bodies()):
             scene = folder / name
             scene.mkdir(exist_ok=True)

@@ -38,7 +38,9 @@ grey level; a column needs all of float32."""
 
 def dumps(data) -> bytes:
     """JSON as every file of a dataset holds it: the same data give the same bytes."""
-    return (json.dumps(data, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(data, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode(
+        errors="surrogatepass"  # a name that is not UTF-8
+    )
 
 
 def digest(data: bytes) -> str:

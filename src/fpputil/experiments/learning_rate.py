@@ -94,7 +94,7 @@ def best_learning_rate(path: str | Path, kind: str) -> float:
 def read_json(path: Path, *needed: str) -> dict:
     """A JSON file of results; ValueError with its path if it is cut or lacks what is needed."""
     try:
-        values = json.loads(path.read_text())
+        values = json.loads(path.read_bytes())
         if lacking := [name for name in needed if name not in values]:
             raise ValueError(f"no {lacking[0]} in it")
     except (ValueError, TypeError) as error:

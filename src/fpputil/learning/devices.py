@@ -22,7 +22,8 @@ def bfloat16_unit(device: torch.device) -> bool:
     """Whether a device multiplies bfloat16 in hardware: AMX, AVX512-BF16, or a GPU that can."""
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
-    words = CPUINFO.read_text().split() if device.type == "cpu" and CPUINFO.exists() else ()
+    known = device.type == "cpu" and CPUINFO.exists()
+    words = CPUINFO.read_text(encoding="utf-8").split() if known else ()
     return not {"amx_bf16", "avx512_bf16"}.isdisjoint(words)
 
 
@@ -77,7 +78,7 @@ def hardware(device: torch.device) -> dict:
     if device.type == "cuda":
         name = torch.cuda.get_device_name(device)
     elif CPUINFO.exists():
-        lines = CPUINFO.read_text().splitlines()
+        lines = CPUINFO.read_text(encoding="utf-8").splitlines()
         models = (line.split(":")[1].strip() for line in lines if line.startswith("model name"))
         name = next(models, name)
     return {

@@ -30,7 +30,7 @@ def write_log(out: Path, history: list[dict]) -> None:
 def read_log(path: str | Path) -> list[dict[str, float]]:
     """Rows of a log.csv, numbers as floats; ValueError if the file is no such table."""
     try:
-        with Path(path).open(newline="") as file:
+        with Path(path).open(newline="", encoding="utf-8") as file:
             rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
     except (TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"{path} is no log of a training run ({error})") from error

@@ -133,7 +133,7 @@ class System:
             raise FileNotFoundError(f"{path} given; there is no such system file")
         try:
             parse = _from_yaml if _is_yaml(path) else json.loads
-            return system_from_dict(parse(path.read_text()))
+            return system_from_dict(parse(path.read_text(encoding="utf-8")))
         except Exception as error:  # OpenCV's parser has errors of its own
             raise ValueError(
                 f"{path} given; a system file holds camera, projector, z_min and z_max whole "

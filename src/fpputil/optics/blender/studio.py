@@ -165,7 +165,7 @@ def _silence() -> Iterator[None]:
     sys.stdout.flush()
     flush(None)
     kept = os.dup(1)
-    with open(os.devnull, "w") as nowhere:
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     try:
         yield
