@@ -43,11 +43,6 @@ def fit_phase_height(Phi: np.ndarray, heights, degree: int = 1) -> PhaseHeight:
     degree : int
         1 for the linear model, 2 or more for the polynomial one.
 
-    Raises
-    ------
-    ValueError
-        If there are fewer planes than coefficients.
-
     Examples
     --------
     >>> Phi = np.array([1.0, 2.0, 3.0])[:, None, None] * np.ones((2, 2))  # of three planes
