@@ -11,7 +11,8 @@ from torch import Tensor, nn
 from fpputil.decoding.phase import wrapped_phase
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, Weights, mean_squared
-from fpputil.networks.unet import UNet, checked
+from fpputil.networks.targets import Method
+from fpputil.networks.unet import UNet
 from fpputil.optics.system import FREQUENCIES, STEPS, Frame
 
 NAMES = ("high", "mid", "unit")
@@ -37,7 +38,7 @@ class DLALNet(nn.Module):
 
 
 @dataclass(frozen=True)
-class DLALNetMethod:
+class DLALNetMethod(Method):
     """DLALNet: step 0 at the high, mid and unit pitch, each to its M and D.
 
     Parameters
@@ -56,16 +57,8 @@ class DLALNetMethod:
     photographs: ClassVar[tuple[Frame, ...]] = tuple((name, STEPS, 0) for name in NAMES)
     reference: ClassVar[str] = "unit"
 
-    def __post_init__(self):
-        checked(self)
-
     def network(self) -> nn.Module:
-        """The network, its weights drawn from torch's generator."""
         return DLALNet(self.base, self.levels, self.dropout)
-
-    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
-        """What the network sees of photographs (B, 3, H, W): those."""
-        return frames
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi of the high and of the unit pitch, radians, of outputs (B, 3, 2, ...) (Eq. 3)."""

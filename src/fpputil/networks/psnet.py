@@ -10,8 +10,8 @@ from torch import Tensor, nn
 
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, mean_squared
-from fpputil.networks.targets import noiseless, phase_of
-from fpputil.networks.unet import UNet, checked, taken
+from fpputil.networks.targets import Method, noiseless, phase_of
+from fpputil.networks.unet import UNet, taken
 from fpputil.optics.system import STEPS, Frame
 
 
@@ -44,7 +44,7 @@ class PSNet(nn.Module):
 
 
 @dataclass(frozen=True)
-class PSNetMethod:
+class PSNetMethod(Method):
     """PSNet: step 0 at the high and at the unit pitch, each to all steps of it.
 
     Its loss counts each photograph, and each difference of two neighbouring steps, the last and
@@ -59,16 +59,8 @@ class PSNetMethod:
     photographs: ClassVar[tuple[Frame, ...]] = (("high", STEPS, 0), ("unit", STEPS, 0))
     reference: ClassVar[str] = "unit"
 
-    def __post_init__(self):
-        checked(self)
-
     def network(self) -> nn.Module:
-        """Both networks, their weights drawn from torch's generator."""
         return PSNet(STEPS, self.base, self.levels, self.dropout)
-
-    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
-        """What the networks see of photographs (B, 2, H, W): those."""
-        return frames
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi of the high and of the unit pitch, radians, of outputs (B, 2, steps, ...)."""

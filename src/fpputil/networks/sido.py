@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from fpputil.decoding.unwrap import absolute_phase, fringe_order
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, mean_squared
-from fpputil.networks.targets import noiseless, phase_of
-from fpputil.networks.unet import UNet, checked
+from fpputil.networks.targets import Method, noiseless, phase_of
+from fpputil.networks.unet import UNet
 from fpputil.optics.system import STEPS, Frame
 
 PREDICTED = 5
@@ -46,7 +46,7 @@ class SIDO(nn.Module):
 
 
 @dataclass(frozen=True)
-class SIDOMethod:
+class SIDOMethod(Method):
     """SIDO: a photograph of the high pitch to five of its steps and a coarse absolute phase.
 
     The coarse phase is that of the unit pitch, so both decoders answer in numbers of order one.
@@ -68,11 +68,7 @@ class SIDOMethod:
     photographs: ClassVar[tuple[Frame, ...]] = (("high", STEPS, 0),)
     reference: ClassVar[None] = None
 
-    def __post_init__(self):
-        checked(self)
-
     def network(self) -> nn.Module:
-        """The network, its weights drawn from torch's generator."""
         return SIDO(self.plane, self.base, self.levels, self.dropout)
 
     def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:

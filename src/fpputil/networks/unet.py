@@ -142,9 +142,3 @@ def lowered(network: nn.Module, dtype: torch.dtype) -> nn.Module:
         if isinstance(part, Decoder):
             part.out.float()
     return copy
-
-
-def checked(method) -> None:
-    """Raise where options of a method's network are wrong, before any memory is taken for it."""
-    with torch.device("meta"):
-        method.network()
