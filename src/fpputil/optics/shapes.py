@@ -36,19 +36,10 @@ def sphere(
 ) -> trimesh.Trimesh:
     """Closed sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
 
-    Parameters
-    ----------
-    radius : float
-        Radius in mm.
-    centre : (3,) array_like
-        Centre in mm.
-    subdivisions : int
-        Each quarters the facets of an icosahedron: 20 * 4**subdivisions faces. A facet lies
-        inside the sphere by at most 0.30 * 4**-subdivisions of the radius, on average 0.18: the
-        default, 81920 faces of radius 100 mm, by at most 0.0071 and on average 0.0045 mm.
+    Radius and centre in mm. Each of `subdivisions` quarters the facets of an icosahedron: 20 *
+    4**subdivisions faces. A facet lies inside the sphere by at most 0.30 * 4**-subdivisions of the
+    radius, on average 0.18: the default, of radius 100 mm, by at most 0.0071, on average 0.0045 mm.
 
-    Examples
-    --------
     >>> ball = sphere(100, (0, 0, 680), subdivisions=3)
     >>> ball.faces.shape, round(ball.bounds[0, 2])
     ((1280, 3), 580)
@@ -62,14 +53,9 @@ def sphere(
 def plane(z: float, half_width: float = 300.0, half_height: float | None = None) -> trimesh.Trimesh:
     """Plane at depth ``z`` mm, facing the camera: two triangles of normal (0, 0, -1). Chapter 2.
 
-    Parameters
-    ----------
-    half_width, half_height : float
-        Extent on either side of the optical axis in mm; the height is 3/4 of the width unless
-        given. The defaults fill the presets' view up to z = 1000 mm.
+    Half its width and height in mm on either side of the optical axis, the height 3/4 of the width
+    unless given. The defaults fill the presets' view up to z = 1000 mm.
 
-    Examples
-    --------
     >>> plane(660).extents.tolist()
     [600.0, 450.0, 0.0]
     """
@@ -89,17 +75,9 @@ def step_block(
 ) -> trimesh.Trimesh:
     """Stairs, closed, facing the camera on the optical axis, from left to right. Chapter 6.
 
-    Parameters
-    ----------
-    heights : (K,) array_like
-        Height of each step above the back face in mm: step k is the plane z - heights[k].
-    width, length : float
-        Extent of one step along x, and of all along y, in mm.
-    z : float
-        Depth of the back face in mm.
+    All in mm: the heights of the steps above the back face, which is the plane `z`, so that step k
+    is the plane z - heights[k]; the width of one step along x, and the length of all along y.
 
-    Examples
-    --------
     >>> step_block((10, 30), width=40, length=120).extents.round(6).tolist()
     [80.0, 120.0, 30.0]
     """
@@ -236,8 +214,6 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
     ValueError
         If the format is unknown, the file is cut or has no faces, or a vertex is not finite. An
         OBJ file promises nothing: cut off between two lines, it reads as a smaller mesh.
@@ -282,8 +258,7 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
     """Raise ValueError, in the mesh's ``name``, unless it has faces and finite vertices."""
     if len(mesh.faces) == 0:
         raise ValueError(f"{name} has no faces; a mesh needs at least one triangle")
-    bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
-    if bad:
+    if bad := int((~np.isfinite(mesh.vertices)).any(axis=1).sum()):
         raise ValueError(
             f"{name} has {bad} NaN or infinite vertices of {len(mesh.vertices)}; all must be finite"
         )
