@@ -1,7 +1,5 @@
 """`fpp calibrate`: camera and projector from photographs of a board with fringes on it (ch. 12)."""
 
-from __future__ import annotations
-
 import json as jsons
 import sys
 from pathlib import Path

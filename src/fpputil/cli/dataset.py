@@ -1,7 +1,5 @@
 """`fpp dataset`: make, check, show, export or import a dataset (chapter 7)."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """`fpp decode`: a folder of photographs to phases, depth and points (chapter 12)."""
 
-from __future__ import annotations
-
 import json as jsons
 import sys
 from dataclasses import dataclass, replace

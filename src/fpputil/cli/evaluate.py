@@ -1,7 +1,5 @@
 """`fpp evaluate`: how far off a trained network is on a split of a dataset (chapter 8)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`fpp predict`: depth from the few photographs that a trained network wants (chapter 8)."""
 
-from __future__ import annotations
-
 import io
 import json as jsons
 import sys

@@ -1,7 +1,5 @@
 """`fpp render`: photographs of a mesh under the patterns, by the virtual system (chapter 12)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
@@ -57,10 +55,11 @@ def render(
     What a camera would see of the patterns on a body, as PNG files that `fpp decode` reads, with
     system.json and truth.npz (column, row, depth, mask).
     """
-
     from fpputil.calibration.board import Board
+    from fpputil.calibration.placement import PlacedBoard, place_boards
     from fpputil.capture.patterns import Patterns
     from fpputil.capture.virtual import photograph_into, save_truth
+    from fpputil.checks import whole
     from fpputil.files import folder_whole
     from fpputil.optics import shapes
     from fpputil.optics.parts import part as machine_part
@@ -74,7 +73,13 @@ def render(
     def bodies():
         """Folder, mesh and albedo of each scene."""
         if board is not None:
-            yield from _boards(Board(*board, square, kind), poses, seed, rig)
+            target = Board(*board, square, kind)
+            picture = target.picture(PIXELS)
+            width = picture.shape[1] * square / PIXELS
+            places = place_boards(whole("poses", poses, 1), seed, rig, target.size)
+            for k, (R, t) in enumerate(places):
+                placed = PlacedBoard(picture, width, R, t)
+                yield f"pose-{k:02}", placed.mesh, placed.albedo
         elif sphere is not None:
             yield "", shapes.sphere(sphere, centre), 0.9
         else:
@@ -93,14 +98,3 @@ def render(
     scenes, photographs = number + 1, len(shown.shots()) * (number + 1)
     counts = {"folder": str(out), "scenes": scenes, "photographs": photographs}
     tell(json, counts, f"{photographs} photographs of {scenes} scene(s) in {out}")
-
-
-def _boards(board, poses: int, seed: int, rig):
-    from fpputil.calibration.placement import PlacedBoard, place_boards
-    from fpputil.checks import whole
-
-    picture = board.picture(PIXELS)
-    width = picture.shape[1] * board.square / PIXELS
-    for k, (R, t) in enumerate(place_boards(whole("poses", poses, 1), seed, rig, board.size)):
-        target = PlacedBoard(picture, width, R, t)
-        yield f"pose-{k:02}", target.mesh, target.albedo

@@ -1,7 +1,5 @@
 """`fpp results`: the runs behind the tables, made by name and printed (chapters 10 and 11)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

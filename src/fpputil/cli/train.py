@@ -1,7 +1,5 @@
 """`fpp train`: train a network on a dataset, or go on with a run that was stopped (chapter 8)."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import fields, make_dataclass, replace
 from pathlib import Path
