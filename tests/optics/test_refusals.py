@@ -82,6 +82,7 @@ REFUSED = [
     (lambda: System(EYE, EYE, 500, 400), "measuring range 500 to 400 mm given"),
     (lambda: System(EYE, EYE, np.nan, 500), "measuring range nan to 500 mm given"),
     (lambda: preset("huge"), "preset 'huge' given; the presets are tiny, small, paper"),
+    (lambda: System.load("none.json"), "none.json given; there is no such system file"),
     (lambda: table2().save("system.txt"), "a system file ends in .json, .yml or .yaml"),
     (lambda: shapes.sphere(0), "radius 0 given"),
     (lambda: shapes.sphere(centre=(0, 1)), "three finite coordinates"),
@@ -133,5 +134,5 @@ REFUSED = [
 
 @pytest.mark.parametrize("call, words", REFUSED, ids=[words[:24] for _, words in REFUSED])
 def test_it_is_refused(call, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises((ValueError, FileNotFoundError), match=words):
         call()
