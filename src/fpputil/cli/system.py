@@ -6,6 +6,7 @@ from typing import Annotated
 
 from cyclopts import App
 
+from fpputil import optics
 from fpputil.cli.options import Force, Json, System, free, option
 
 New = Annotated[Path, option("New.")]
@@ -19,9 +20,7 @@ def show(system: System, /, *, json: Json = False) -> None:
     Lengths in millimetres, angles in degrees, the rest in pixels. Seen from the camera: x right,
     y down, z forward; yaw turns to the right, pitch up, roll clockwise.
     """
-    from fpputil.optics.system import load_system
-
-    numbers = describe(load_system(system))
+    numbers = describe(optics.load_system(system))
     if json:
         print(jsons.dumps(numbers, indent=1))
         return
@@ -35,9 +34,7 @@ def show(system: System, /, *, json: Json = False) -> None:
 @app.command
 def convert(system: System, file: New, /, *, force: Force = False) -> None:
     """Write it as .json, or as .yml for OpenCV."""
-    from fpputil.optics.system import load_system
-
-    rig = load_system(system)
+    rig = optics.load_system(system)
     free(file, force)
     rig.save(file)
     print(f"{system} is in {file}")
