@@ -251,6 +251,6 @@ def load_system(name: str | os.PathLike) -> System:
     >>> load_system(path).camera.width
     160
     """
-    if Path(name).suffix in (".json", ".yml", ".yaml"):
+    if Path(name).suffix:
         return System.load(name)
     return preset(name).system
