@@ -4,8 +4,6 @@ The method is Takeda and Mutoh's of 1983: the fringes are a carrier, which the o
 of the carrier, the phase varies slowly, and a window keeps it apart from the background.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import fft
 

@@ -3,8 +3,6 @@
 The equations take NumPy arrays or torch tensors; the phases of the geometry are NumPy.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from array_api_compat import array_namespace
 

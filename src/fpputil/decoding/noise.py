@@ -1,7 +1,5 @@
 """What noise does to a phase, and to the fringe order (chapters 3 and 4)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 from scipy.special import ndtr

@@ -3,8 +3,6 @@
 Every function takes NumPy arrays or torch tensors and returns the same kind.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

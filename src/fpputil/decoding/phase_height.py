@@ -1,7 +1,5 @@
 """Phase to height by a polynomial at each pixel, from reference planes (chapter 6)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Clouds of points: surface, file, fitted sphere and plane (chapter 6)."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

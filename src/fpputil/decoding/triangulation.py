@@ -1,7 +1,5 @@
 """Depth: absolute phase to points in space (chapter 6)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fpputil.optics.system import System

@@ -4,8 +4,6 @@ Functions of several frequencies take lists of phases (H, W) in radians and of p
 projector pixels. All but `nt_tpu` and `spatial` work on NumPy arrays and torch tensors alike.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """DLALNet: photographs of three pitches to numerator and denominator of each (chapter 9)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

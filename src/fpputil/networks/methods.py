@@ -1,7 +1,5 @@
 """Methods by name, and as JSON holds them (chapters 8 and 9)."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, fields
 
 from fpputil.networks.dlalnet import DLALNetMethod

@@ -1,7 +1,5 @@
 """PSNet: one photograph of a pitch to the others of its phase shift (chapter 9)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

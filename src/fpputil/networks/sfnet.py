@@ -1,7 +1,5 @@
 """SFNet, the symmetric fusion network: two photographs to two wrapped phases (chapter 8)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import torch

@@ -1,7 +1,5 @@
 """SIDO: one photograph to five, and a coarse absolute phase for the order (chapter 9)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

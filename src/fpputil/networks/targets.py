@@ -1,7 +1,5 @@
 """What a method answers to, its photographs as targets, and true phases (chapters 8 and 9)."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import torch

@@ -1,7 +1,5 @@
 """Blocks that every network here is built of: encoder, decoder, room for any size (chapter 8)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from copy import deepcopy
 

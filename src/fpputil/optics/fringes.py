@@ -1,7 +1,5 @@
 """Fringe patterns: what the projector shows (Eq. 1; chapter 1)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Integral

@@ -3,8 +3,6 @@
 Pixel centres lie at integer coordinates, as in OpenCV.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import cv2

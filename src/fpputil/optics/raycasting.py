@@ -1,7 +1,5 @@
 """Mesh and system to view, by Embree's ray casting (chapter 2)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Lengths in mm, vertices (V, 3); the camera is the world: x right, y down, z forward (Chapter 2).
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Pictures of the rig itself, as Blender shows it (chapter 2; the paper's Fig. 6 b)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

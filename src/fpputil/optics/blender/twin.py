@@ -1,7 +1,5 @@
 """A mesh and a system photographed by Cycles, as the ray caster sees them (chapter 2)."""
 
-from __future__ import annotations
-
 import os
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
