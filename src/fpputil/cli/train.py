@@ -13,10 +13,10 @@ from fpputil.cli.options import TRAINING, Data, Preset, Training, given, option
 
 def _options(group: str, **options: tuple[type, str]) -> type:
     """A dataclass of options by name: type and help; None where one is not given."""
-    rows = []
-    for key, (kind, text) in options.items():
-        described = option(text, negative=None if kind is bool else ())
-        rows.append((key, Annotated[kind | None, described], None))
+    rows = [
+        (name, Annotated[kind | None, option(text, negative=None if kind is bool else ())], None)
+        for name, (kind, text) in options.items()
+    ]
     made = make_dataclass("Options", rows, frozen=True, namespace={"__module__": __name__})
     return Parameter(name="*", group=group)(made)
 

@@ -37,7 +37,7 @@ def phase_density(error, sigma: float):
     )
 
 
-def order_error_rate(noise: float, modulation: float, steps, pitches, points: int = 20001) -> float:
+def order_error_rate(noise: float, modulation: float, steps, pitches) -> float:
     """Predicted share of wrong fringe orders in multi-frequency unwrapping. Chapter 4.
 
     Between two neighbours the order is right where ``|ratio e_long - e_short| < pi``, with
@@ -52,8 +52,6 @@ def order_error_rate(noise: float, modulation: float, steps, pitches, points: in
         Steps of all, or of each, pitch.
     pitches : sequence of float
         Descending.
-    points : int
-        Nodes of the integral over (-pi, pi).
 
     Examples
     --------
@@ -64,7 +62,7 @@ def order_error_rate(noise: float, modulation: float, steps, pitches, points: in
     positive("modulation", modulation, "grey levels")
     steps = (steps,) * len(pitches) if np.ndim(steps) == 0 else tuple(steps)
     check_pitches(steps, pitches)
-    error = np.linspace(-np.pi, np.pi, points)
+    error = np.linspace(-np.pi, np.pi, 20001)
     laws = [phase_density(error, float(phase_sigma(noise, modulation, n))) for n in steps]
     right, wrong = laws[0], 0.0
     for law, longer, pitch in zip(laws[1:], pitches, pitches[1:], strict=False):

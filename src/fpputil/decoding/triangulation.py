@@ -100,14 +100,14 @@ def _meet(planes, rays, centre) -> np.ndarray:
     return centre + scale[..., None] * rays
 
 
-def _meet_bent(column, rays, centre, projector, rounds: int = 50) -> np.ndarray:
+def _meet_bent(column, rays, centre, projector) -> np.ndarray:
     """Points of columns (P,) that lens distortion bends; NaN where no point is found.
 
     The row decides how far the plane of light is bent, and follows from the point.
     """
     pose = np.column_stack([projector.R, projector.t])
     row = np.full_like(column, (projector.height - 1) / 2)
-    for _ in range(rounds):
+    for _ in range(50):
         local = projector.rays(np.stack([column, row], -1)) @ projector.R.T
         points = _meet(pose[0] - local[..., :1] * pose[2], rays, centre)
         moved = projector.project(points)

@@ -59,13 +59,11 @@ class Geometry:
         lowest = {k: v.to(device) for k, v in self.Phi_min.items()}
         return replace(self, Phi_min=lowest, Phi_plane=self.Phi_plane.to(device))
 
-    def absolute_phase(self, phi_h, phi, Phi_min=None, name: str = "zmin"):
-        """Phi of the high pitch from its wrapped phase and that of a lower one (Eq. 9, 4, 6).
+    def absolute_phase(self, phi_h, phi, Phi_min, name: str = "zmin"):
+        """Phi of the high pitch from its wrapped phase, and that of a lower one, by name (Eq. 9, 6).
 
-        The lower pitch is that of `name`; its minimum phase is needed where the phases are not
-        whole pictures.
+        The minimum phase of the lower is given, as the phases need not be whole pictures.
         """
-        Phi_min = self.Phi_min[name] if Phi_min is None else Phi_min
         low = getattr(self.pitches, name)
         return two_phase_absolute(phi_h, phi, Phi_min, self.pitches.high, low)
 

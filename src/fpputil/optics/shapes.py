@@ -121,18 +121,9 @@ def place(
     All three act on the ball around the mesh: the smallest one that has its centre in the
     middle of the bounding box. It does not change with the pose, and neither does the scale.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-    size : float, optional
-        Diameter of the ball in mm; None keeps the scale.
-    centre : (3,) array_like
-        Where the centre of the ball goes, mm.
-    rotation : (3, 3) array_like, optional
-        As from `rotation` or out of `rotations`; None keeps the pose.
+    `size` is the diameter of the ball, mm, and None keeps it; `centre` is where its centre goes,
+    mm; `rotation`, (3, 3), is as from `rotation` or out of `rotations`, and None keeps the pose.
 
-    Examples
-    --------
     >>> ball = place(sphere(subdivisions=2), size=50, rotation=rotation(60, 120))
     >>> ball.bounds.mean(axis=0).round().tolist(), round(ball.extents.max())
     ([0.0, 0.0, 650.0], 50)
@@ -147,11 +138,9 @@ def place(
     return trimesh.Trimesh(vertices, mesh.faces, process=False)
 
 
-def views(
-    mesh: trimesh.Trimesh, size: float | None = SIZE, centre: ArrayLike = CENTRE
-) -> Iterator[trimesh.Trimesh]:
-    """The mesh placed in each of the 36 poses of `rotations`; arguments as for `place`."""
-    return (place(mesh, size, centre, turn) for turn in rotations())
+def views(mesh: trimesh.Trimesh) -> Iterator[trimesh.Trimesh]:
+    """The mesh placed in each of the 36 poses of `rotations`."""
+    return (place(mesh, rotation=turn) for turn in rotations())
 
 
 def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -199,25 +188,13 @@ def formats() -> list[str]:
 def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
     """Read a mesh file as one mesh, in its own coordinates and units. Chapter 2.
 
-    Parameters
-    ----------
-    path : path
-        A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF, a scene as one
-        mesh; or NPZ with ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models.
+    A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF, a scene as one
+    mesh; or NPZ with ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models.
+    Equal vertices are merged, faces that they leave without area dropped; colours are not read.
 
-    Returns
-    -------
-    trimesh.Trimesh
-        Equal vertices merged, faces that they leave without area dropped; no colours.
+    A file that is cut, has no faces, or a vertex that is not finite, is refused. But an OBJ file
+    promises nothing: cut off between two lines, it reads as a smaller mesh.
 
-    Raises
-    ------
-    ValueError
-        If the format is unknown, the file is cut or has no faces, or a vertex is not finite. An
-        OBJ file promises nothing: cut off between two lines, it reads as a smaller mesh.
-
-    Examples
-    --------
     >>> path = getfixture("tmp_path") / "ball.ply"
     >>> _ = sphere(subdivisions=2).export(path)
     >>> load_mesh(path).faces.shape

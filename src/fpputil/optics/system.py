@@ -98,8 +98,9 @@ class System:
         columns = self.columns_at(z)
         return (columns >= -0.5) & (columns <= self.projector.width - 0.5)
 
-    def columns_per_mm(self, z: float | np.ndarray, step: float = 0.1) -> np.ndarray:
+    def columns_per_mm(self, z: float | np.ndarray) -> np.ndarray:
         """Sensitivity ``|d column / d z|`` at depth z, (H, W), projector pixels per mm."""
+        step = 0.1  # mm
         return np.abs(self.columns_at(z + step) - self.columns_at(z - step)) / (2 * step)
 
     def mirrored(self) -> System:

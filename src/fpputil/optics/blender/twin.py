@@ -32,29 +32,13 @@ def photograph(
 ) -> np.ndarray:
     """Photograph a mesh under fringes, one picture of Cycles for each pattern, as the paper does.
 
-    The twin of ``raycast(mesh, system, albedo=..., white_at=...).frames(fringes)``.
+    The twin of ``raycast(mesh, system, albedo=..., white_at=...).frames(fringes)``: (N, H, W) uint8,
+    or float64 if not quantised. Other arguments are as of `see`; the fringes have no defocus.
 
-    Parameters
-    ----------
-    mesh, system, albedo, white_at
-        As of `see`.
-    fringes : Fringe or sequence of Fringe
-        The projected patterns, in the order of the frames; without defocus.
-    samples : int
-        1 looks through the centre of each pixel, as the ray caster does. More are spread by
-        Cycles' own filter, 1.5 pixels wide: neighbours mix, as in a real camera, and it is noise.
-    quantise : bool
-        True for uint8, False for float64.
-
-    Returns
-    -------
-    (N, H, W) array
-        N is the number of steps of all fringes together.
-
-    Notes
-    -----
-    Ray caster and Cycles differ in pixels within a hundredth of a pixel of an edge; there Cycles
-    may also let a facet shade the one beside it, one pixel in a hundred thousand.
+    One sample looks through the centre of each pixel, as the ray caster does. More are spread by
+    Cycles' own filter, 1.5 pixels wide: neighbours mix, as in a real camera, and it is noise. Ray
+    caster and Cycles differ in pixels within a hundredth of a pixel of an edge; there Cycles may
+    also let a facet shade the one beside it, one pixel in a hundred thousand.
     """
     fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
     if not fringes:
