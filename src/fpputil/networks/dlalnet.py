@@ -39,12 +39,7 @@ class DLALNet(nn.Module):
 class DLALNetMethod(Method):
     """DLALNet: step 0 at the high, mid and unit pitch, each to its M and D.
 
-    Parameters
-    ----------
-    base, levels, dropout
-        As of `SFNet`.
-    weights : Weights, optional
-        None for the plain squared error, as in the paper; otherwise the losses of SFNet.
+    Without `weights` its loss is the plain squared error, as in the paper; with them it is SFNet's.
     """
 
     base: int = 12

@@ -60,7 +60,7 @@ class Geometry:
         return replace(self, Phi_min=lowest, Phi_plane=self.Phi_plane.to(device))
 
     def absolute_phase(self, phi_h, phi, Phi_min, name: str = "zmin"):
-        """Phi of the high pitch from its wrapped phase, and that of a lower one, by name (Eq. 9, 6).
+        """Phi of the high pitch from its wrapped phase and that of a lower one, by name (Eq. 9, 6).
 
         The minimum phase of the lower is given, as the phases need not be whole pictures.
         """

@@ -16,22 +16,16 @@ from fpputil.optics.system import STEPS, Frame
 class PSNet(nn.Module):
     """Two networks side by side, one for each pitch, that share nothing. Section 6.2; chapter 9.
 
-    Parameters
-    ----------
-    steps : int
-        Of the phase shifting: one photograph goes in, the others come out.
-    base, levels, dropout
-        As of `SFNet`.
+    Of each, one photograph goes in and the others of its phase shift come out. Options as of
+    `SFNet`.
 
-    Examples
-    --------
     >>> PSNet(base=2, levels=2)(torch.zeros(1, 2, 12, 16)).shape
     torch.Size([1, 2, 15, 12, 16])
     """
 
-    def __init__(self, steps: int = 15, base: int = 8, levels: int = 6, dropout: float = 0.1):
+    def __init__(self, base: int = 8, levels: int = 6, dropout: float = 0.1):
         super().__init__()
-        self.nets = nn.ModuleList(UNet(1, (steps - 1,), base, levels, dropout) for _ in range(2))
+        self.nets = nn.ModuleList(UNet(1, (STEPS - 1,), base, levels, dropout) for _ in range(2))
         self.frames = (1, 1)
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -58,7 +52,7 @@ class PSNetMethod(Method):
     reference: ClassVar[str] = "unit"
 
     def network(self) -> nn.Module:
-        return PSNet(STEPS, self.base, self.levels, self.dropout)
+        return PSNet(self.base, self.levels, self.dropout)
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi of the high and of the unit pitch, radians, of outputs (B, 2, steps, ...)."""

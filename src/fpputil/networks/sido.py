@@ -20,15 +20,9 @@ PREDICTED = 5
 class SIDO(nn.Module):
     """Single input, double output: one encoder, two decoders. Section 6.2 of the paper; chapter 9.
 
-    Parameters
-    ----------
-    plane : bool
-        Whether a photograph of the reference plane goes in beside that of the object.
-    base, levels, dropout
-        As of `SFNet`.
+    With `plane`, a photograph of the reference plane goes in beside that of the object. Other
+    options as of `SFNet`.
 
-    Examples
-    --------
     >>> SIDO(base=2, levels=2)(torch.zeros(1, 2, 12, 16)).shape
     torch.Size([1, 6, 12, 16])
     """
@@ -50,12 +44,7 @@ class SIDOMethod(Method):
     The coarse phase is that of the unit pitch, so both decoders answer in numbers of order one.
     The paper does not say at which pitch, nor how the two losses are weighed: ours.
 
-    Parameters
-    ----------
-    plane : bool
-        Whether a photograph of the empty plane z_max goes in beside that of the object.
-    base, levels, dropout
-        As of `SFNet`.
+    With `plane`, a photograph of the empty plane z_max goes in beside that of the object.
     """
 
     plane: bool = True

@@ -32,8 +32,8 @@ def photograph(
 ) -> np.ndarray:
     """Photograph a mesh under fringes, one picture of Cycles for each pattern, as the paper does.
 
-    The twin of ``raycast(mesh, system, albedo=..., white_at=...).frames(fringes)``: (N, H, W) uint8,
-    or float64 if not quantised. Other arguments are as of `see`; the fringes have no defocus.
+    The twin of ``raycast(mesh, system, albedo=..., white_at=...).frames(fringes)``, (N, H, W),
+    uint8 or, not quantised, float64. Other arguments are as of `see`; the fringes have no defocus.
 
     One sample looks through the centre of each pixel, as the ray caster does. More are spread by
     Cycles' own filter, 1.5 pixels wide: neighbours mix, as in a real camera, and it is noise. Ray
