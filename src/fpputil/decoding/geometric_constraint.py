@@ -29,7 +29,8 @@ def minimum_phase(
         Lower Phi_min by half of the period that the range leaves free, so that noise has
         equal room at either end.
     ambiguous : bool
-        Accept a range longer than one period: the order is then right in a part of it only.
+        Accept a range longer than one period, which is refused otherwise: the order is then right
+        in a part of it only.
 
     Returns
     -------
