@@ -34,9 +34,9 @@ def sphere(
 ) -> trimesh.Trimesh:
     """Closed sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
 
-    Radius and centre in mm. Each of `subdivisions` quarters the facets of an icosahedron: 20 *
-    4**subdivisions faces. A facet lies inside the sphere by at most 0.30 * 4**-subdivisions of the
-    radius, on average 0.18: the default, of radius 100 mm, by at most 0.0071, on average 0.0045 mm.
+    Radius and centre in mm. Each of `subdivisions` quarters the facets of an icosahedron, which
+    makes ``20 * 4**subdivisions`` faces. They lie inside the sphere by at most 0.30, on average
+    0.18, ``* 4**-subdivisions`` of the radius: the default, 100 mm, by at most 0.0071 and 0.0045.
 
     >>> ball = sphere(100, (0, 0, 680), subdivisions=3)
     >>> ball.faces.shape, round(ball.bounds[0, 2])
@@ -73,8 +73,8 @@ def step_block(
 ) -> trimesh.Trimesh:
     """Stairs, closed, facing the camera on the optical axis, from left to right. Chapter 6.
 
-    All in mm: the heights of the steps above the back face, which is the plane `z`, so that step k
-    is the plane z - heights[k]; the width of one step along x, and the length of all along y.
+    All in mm: heights of the steps above the back face at depth `z`, so that step k is the plane
+    ``z - heights[k]``; the width of one step along x, and the length of all along y.
 
     >>> step_block((10, 30), width=40, length=120).extents.round(6).tolist()
     [80.0, 120.0, 30.0]
