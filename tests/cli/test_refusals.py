@@ -25,6 +25,7 @@ from fpputil.dataset.models import seeded_models
         ("patterns p --steps x", "int"),
         ("patterns p --axis z", "column"),
         ("patterns p q", "q"),
+        ("decode", "FOLDER"),
         ("render r --patterns p", "none given; one of --mesh, --part, --sphere, --board is needed"),
         ("render r --patterns p --part 1 --sphere 2", "--part and --sphere given; one of --mesh"),
         ("dataset generate o --folder x --thingi10k", "--folder, --thingi10k"),

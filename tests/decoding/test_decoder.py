@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fpputil.decoding import phase, unwrap
+from fpputil.decoding import unwrap
 from fpputil.decoding.decoder import decode
 from fpputil.optics.fringes import fringe_set
 
@@ -118,10 +118,6 @@ print(peak() - before - outputs)
         pytest.skip("ru_maxrss is in kilobytes on Linux alone")
     extra = int(subprocess.check_output([sys.executable, "-c", program]))
     assert extra < 64 * 2**20
-
-
-def test_phase_module_and_decoder_share_the_threshold():
-    assert decode.__defaults__[0] == phase.THRESHOLD == 8.0
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

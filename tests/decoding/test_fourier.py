@@ -8,6 +8,7 @@ import pytest
 from fpputil.decoding.fourier import carrier, fourier_phase
 from fpputil.decoding.unwrap import wrap
 from fpputil.optics.fringes import Fringe
+from fpputil.optics.system import System
 
 V, U = np.mgrid[:120, :160].astype(float)
 INSIDE = (slice(20, -20), slice(20, -20))
@@ -18,24 +19,9 @@ def photograph(Phi, shade=100.0, contrast=1.0):
     return shade * (1 + contrast * np.cos(Phi))
 
 
-def with_projector(system, R, centre):
-    return replace(system, projector=replace(system.projector, R=R, t=-R @ centre))
-
-
-def as_built(system):
-    return system
-
-
-def mirrored(system):
-    """The projector on the other side of the camera."""
-    flip, p = np.diag([-1.0, 1, 1]), system.projector
-    return with_projector(system, flip @ p.R @ flip, flip @ p.centre)
-
-
 def upside_down(system):
-    return with_projector(
-        system, np.diag([-1.0, -1, 1]) @ system.projector.R, system.projector.centre
-    )
+    turn, p = np.diag([-1.0, -1, 1]), system.projector
+    return replace(system, projector=replace(p, R=turn @ p.R, t=turn @ p.t))
 
 
 @pytest.mark.parametrize("right, down", [(1.5, 0), (-1.5, 0), (1.2, 0.6), (-0.5, -1.3), (0, 1.2)])
@@ -66,7 +52,7 @@ def test_a_tilt_is_damped_in_length_not_in_angle(tilt):
 
 @pytest.mark.parametrize(
     "pose, along_row, with_depth",
-    [(as_built, 1, 1), (mirrored, 1, -1), (upside_down, -1, -1)],
+    [(lambda system: system, 1, 1), (System.mirrored, 1, -1), (upside_down, -1, -1)],
 )
 def test_signs_are_those_of_the_geometry(tiny, pose, along_row, with_depth):
     system = pose(tiny.system)

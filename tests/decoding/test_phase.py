@@ -9,8 +9,8 @@ from scipy.integrate import trapezoid
 
 from fpputil.decoding import phase
 from fpputil.decoding.noise import phase_density, phase_sigma
-from fpputil.decoding.unwrap import wrap
-from fpputil.optics.fringes import Fringe
+from fpputil.decoding.unwrap import mf_tpu, wrap
+from fpputil.optics.fringes import fringe_set
 
 
 def ideal(phi, A=100.0, B=50.0, steps=15):
@@ -33,21 +33,11 @@ def test_three_unknowns_are_recovered(steps, kind):
     np.testing.assert_allclose(np.asarray(phase.average(frames)), 100)
 
 
-def test_signs_of_M_and_D():
-    """M goes as -sin(phi) and D as cos(phi), both with N B / 2."""
-    M, D = phase.numerator_denominator(ideal(PHI, 100, 50, 6))
-    np.testing.assert_allclose(M, -150 * np.sin(PHI), atol=1e-10)
-    np.testing.assert_allclose(D, 150 * np.cos(PHI), atol=1e-10)
-
-
 @pytest.mark.parametrize("steps", range(3, 16))
 @pytest.mark.parametrize("scene", ["sphere_view", "paper_sphere_view"])
 def test_absolute_phase_is_the_stored_column(request, scene, steps, tiny):
     """Float frames without noise: geometry to 1e-9 rad, borders included."""
     view = request.getfixturevalue(scene)
-    from fpputil.decoding.unwrap import mf_tpu
-    from fpputil.optics.fringes import fringe_set
-
     fringes = fringe_set((912, 114, 15), steps)
     sums = [phase.numerator_denominator(view.frames(f, quantise=False)) for f in fringes]
     Phi = mf_tpu([phase.wrapped_phase(*s) for s in sums], [f.pitch for f in fringes], 912)
@@ -56,9 +46,6 @@ def test_absolute_phase_is_the_stored_column(request, scene, steps, tiny):
 
 
 def test_absolute_phase_at_the_borders_of_the_projector():
-    from fpputil.decoding.unwrap import mf_tpu
-    from fpputil.optics.fringes import fringe_set
-
     column = np.array([[-0.5, -0.4999, 0, 911, 911.4999]])
     fringes = fringe_set((912, 114, 15), 5)
     phis = []
@@ -112,10 +99,3 @@ def test_torch_differentiates_through_the_equations():
     delta = 2 * np.pi / 5
     expected = -np.sin(PHI + delta) * 2 / (5 * 50)  # d phi / d I_1
     np.testing.assert_allclose(x.grad[1], expected, atol=1e-12)
-
-
-def test_fringe_and_decoder_share_one_convention():
-    column = np.linspace(0, 14.9, 100)
-    frames = np.stack([Fringe(15, 4).intensity(column, n) for n in range(4)])
-    phi = phase.wrapped_phase(*phase.numerator_denominator(frames))
-    np.testing.assert_allclose(wrap(phi - 2 * np.pi * column / 15), 0, atol=1e-12)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fpputil.decoding import phase_height, pointcloud, triangulation
 from fpputil.decoding.decoder import decode
 from fpputil.optics.raycasting import raycast
-from fpputil.optics.shapes import plane, sphere
+from fpputil.optics.shapes import plane
 
 LENS = (-0.1, 0.03, 1e-3, -5e-4, 0.0)
 
@@ -174,8 +174,3 @@ def test_wrong_baseline_moves_the_sphere(paper, paper_sphere_view):
     moved = replace(paper.system, projector=replace(p, t=-p.R @ (p.centre + (1, 0, 0))))
     points = triangulation.triangulate(paper_sphere_view.column, moved)
     assert abs(pointcloud.fit_sphere(pointcloud.point_cloud(points)).radius - 100) > 0.05
-
-
-def test_sphere_of_the_library_has_the_radius_it_says():
-    radius = np.linalg.norm(sphere(100, (1, 2, 3)).vertices - (1, 2, 3), axis=1)
-    np.testing.assert_allclose(radius, 100, rtol=1e-6)

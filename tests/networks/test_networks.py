@@ -41,20 +41,7 @@ def test_an_encoder_has_twelve_convolutions_and_doubling_channels():
         layers = convolutions(encoder)
         assert len(layers) == 12
         assert {(c.kernel_size, c.stride, c.padding) for c in layers} == {((3, 3), (1, 1), (1, 1))}
-        assert [c.out_channels for c in layers] == [
-            8,
-            8,
-            16,
-            16,
-            32,
-            32,
-            64,
-            64,
-            128,
-            128,
-            256,
-            256,
-        ]
+        assert [c.out_channels for c in layers] == [8 * 2 ** (k // 2) for k in range(12)]
         assert layers[0].in_channels == frames
 
 

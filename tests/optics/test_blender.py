@@ -291,9 +291,6 @@ def test_without_blender_one_sentence_says_what_to_do(tiny, monkeypatch, setting
         blender.picture([(shapes.plane(660.0), "red")], (0, 0, 0), (0, 0, 1))
 
 
-LENS = (-0.1, 0.03, 1e-3, -5e-4, 0.0)
-
-
 @needs_blender
 @pytest.mark.parametrize("take", [blender.see, lambda *a: blender.photograph(*a, Fringe(24, 3))])
 def test_nothing_to_see(tiny, take):

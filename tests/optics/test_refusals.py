@@ -11,7 +11,7 @@ from fpputil.optics.fringes import Fringe, fringe_set
 from fpputil.optics.parts import family_of
 from fpputil.optics.pinhole import Pinhole, camera_matrix, looking
 from fpputil.optics.raycasting import raycast
-from fpputil.optics.system import System, preset, table2
+from fpputil.optics.system import System, load_system, preset, table2
 from fpputil.optics.view import View
 
 K = camera_matrix(900, 640, 480)
@@ -82,6 +82,8 @@ REFUSED = [
     (lambda: System(EYE, EYE, 500, 400), "measuring range 500 to 400 mm given"),
     (lambda: System(EYE, EYE, np.nan, 500), "measuring range nan to 500 mm given"),
     (lambda: preset("huge"), "preset 'huge' given; the presets are tiny, small, paper"),
+    (lambda: load_system("none.xml"), "none.xml given; there is no such system file"),
+    (lambda: load_system("none"), "preset 'none' given"),
     (lambda: table2().save("system.txt"), "a system file ends in .json, .yml or .yaml"),
     (lambda: shapes.sphere(0), "radius 0 given"),
     (lambda: shapes.sphere(centre=(0, 1)), "three finite coordinates"),
@@ -133,5 +135,5 @@ REFUSED = [
 
 @pytest.mark.parametrize("call, words", REFUSED, ids=[words[:24] for _, words in REFUSED])
 def test_it_is_refused(call, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises((ValueError, FileNotFoundError), match=words):
         call()

@@ -92,11 +92,6 @@ def test_parts_from_seeds_alone():
     assert len({shapes.genus(mesh) for mesh in drawn}) >= 4
 
 
-def test_seed_chooses_the_family(parts):
-    chosen = digest(shapes.part(2))
-    assert sum(digest(family[2]) == chosen for family in parts.values()) == 1
-
-
 def test_family_of():
     for seed in range(8):
         assert digest(shapes.part(seed)) == digest(shapes.part(seed, machine.family_of(seed)))
@@ -138,7 +133,6 @@ def test_sphere_facets(radius, subdivisions):
 def test_default_sphere():
     mesh = shapes.sphere()
     assert len(mesh.faces) < 200_000
-    assert 0.30 * 4.0**-6 * 100 < 0.01
     assert np.allclose(mesh.bounds, [[-100, -100, 580], [100, 100, 780]], atol=0.01)
     equal_volume = (mesh.volume * 0.75 / np.pi) ** (1 / 3)
     assert equal_volume == pytest.approx(100 - 0.0045, abs=2e-4)
@@ -223,6 +217,7 @@ def test_load_mesh(tmp_path, suffix):
     assert type(read) is trimesh.Trimesh
     assert read.volume == pytest.approx(mesh.volume, rel=1e-4)
     assert shapes.genus(read) == 2
+    assert suffix != "npz" or digest(read) == digest(mesh)
 
 
 def test_load_scene_as_one_mesh(tmp_path):
@@ -274,12 +269,6 @@ def test_no_file_no_network(tmp_path, monkeypatch, name):
         shapes.load_mesh(name)
 
 
-def test_load_npz(tmp_path):
-    mesh = shapes.part(3, "conrod")
-    write(tmp_path / "part.npz", mesh)
-    assert digest(shapes.load_mesh(tmp_path / "part.npz")) == digest(mesh)
-
-
 @pytest.mark.parametrize(
     "arrays, given",
     [
@@ -287,8 +276,6 @@ def test_load_npz(tmp_path):
         ({"vertices": np.eye(3), "facets": np.array([(0.0, 1.0, 2.0)])}, "of float64; .* whole"),
         ({"vertices": np.eye(3), "facets": np.array([(0, 1, 2, 0)])}, r"facets \(1, 4\)"),
         ({"vertices": np.eye(3)[:, :2], "facets": np.array([(0, 1, 2)])}, r"vertices \(3, 2\)"),
-        ({"vertices": np.eye(3), "facets": np.zeros((0, 3), int)}, "has no faces"),
-        ({"vertices": np.eye(3), "facets": np.array([(0, 1, 9)])}, "faces on vertices 0 to 9"),
     ],
 )
 def test_unfit_npz(tmp_path, arrays, given):

@@ -199,14 +199,6 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
         table2().save(tmp_path / "none" / "system.json")
 
 
-def test_missing_and_foreign_files(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no such system file"):
-        System.load(tmp_path / "none.json")
-    (tmp_path / "other.json").write_text('{"camera": 3}')
-    with pytest.raises(ValueError, match="holds camera, projector"):
-        System.load(tmp_path / "other.json")
-
-
 def test_arrays_cannot_be_changed_in_place():
     with pytest.raises(ValueError, match="read-only"):
         pinhole().K[0, 0] = 1

@@ -1,7 +1,5 @@
 """The command `fpp`: what the library does, from a terminal (chapters 7 to 12)."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

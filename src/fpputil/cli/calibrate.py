@@ -1,12 +1,11 @@
 """`fpp calibrate`: camera and projector from photographs of a board with fringes on it (ch. 12)."""
 
-from __future__ import annotations
-
 import json as jsons
 import sys
 from pathlib import Path
 from typing import Annotated
 
+from fpputil import calibration, capture
 from fpputil.cli.options import Force, Json, Kind, Size, Square, free, option
 
 
@@ -31,24 +30,19 @@ def calibrate(
     all directions, out to the picture's edges; in each the photographs of fringes along columns
     and rows (`fpp patterns --axis both`).
     """
-    from fpputil.calibration.board import Board
-    from fpputil.calibration.zhang import calibrate
-    from fpputil.capture.folder import board_pose
-    from fpputil.capture.patterns import Patterns
-
-    target = Board(*board, square, kind)
+    target = calibration.Board(*board, square, kind)
     free(system, force)
-    shared = None if patterns is None else Patterns.load(patterns)
+    shared = None if patterns is None else capture.Patterns.load(patterns)
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} given; there is no such folder")
-    read = [board_pose(path, shared) for path in sorted(folder.iterdir()) if path.is_dir()]
+    read = [capture.board_pose(path, shared) for path in sorted(folder.iterdir()) if path.is_dir()]
     if not read:
         raise ValueError(f"{folder} given; it holds no folder, and a pose is a folder")
     poses, projectors = zip(*read, strict=True)
     if len(sizes := sorted(set(projectors))) > 1:
         raise ValueError(f"projectors of {sizes} pixels given; all poses need one")
     lenses = {"lens": lens, "projector_lens": projector_lens}
-    fit = calibrate(target, list(poses), projectors[0], *reach, **lenses)
+    fit = calibration.calibrate(target, list(poses), projectors[0], *reach, **lenses)
     free(system, force)  # once more: calibrating takes its time
     fit.system.save(system)
     if json:

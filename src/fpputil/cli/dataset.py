@@ -1,7 +1,5 @@
 """`fpp dataset`: make, check, show, export or import a dataset (chapter 7)."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +7,7 @@ from typing import Annotated
 from cyclopts import App, Group
 from cyclopts.validators import MutuallyExclusive
 
+from fpputil import dataset
 from fpputil.cli.options import Preset, option
 
 app = App("dataset", help_format="markdown", help="Make, check, show, export or import a dataset.")
@@ -44,48 +43,40 @@ def generate(
     Models come from seeds unless a folder or Thingi10K is named. Stopped at any moment, the same
     command goes on and ends with the same bytes.
     """
-    from fpputil.dataset.generation import generate
-    from fpputil.dataset.models import mesh_folder, seeded_models
-    from fpputil.dataset.models import thingi10k as list_thingi10k
-
     if (folder or thingi10k) and held_out:
         raise ValueError("--held-out given; only models from seeds have families to hold out")
     if not thingi10k and (cache or download):
         raise ValueError("--cache or --download given; they are for --thingi10k")
     held, root, notes = (), folder, ()
     if folder:
-        chosen, notes = mesh_folder(folder, models)
+        chosen, notes = dataset.mesh_folder(folder, models)
     elif thingi10k:
-        root, chosen, notes = list_thingi10k(models, cache, download)
+        root, chosen, notes = dataset.thingi10k(models, cache, download)
     else:
-        chosen, held = seeded_models(500 if models is None else models, held_out, seed)
+        chosen, held = dataset.seeded_models(500 if models is None else models, held_out, seed)
     for note in notes:
         print(f"note: {note}")
     start, how = time.perf_counter(), {"seed": seed, "size": size, "progress": True}
     how |= {"views": views, "workers": workers, "scheduler": scheduler, "root": root}
-    _print(generate(out, preset, chosen, held, **how))
+    _print(dataset.generate(out, preset, chosen, held, **how))
     print(f"{time.perf_counter() - start:.0f} s")
 
 
 @app.command
 def check(path: Folder, /) -> int:
     """Find flipped bytes and missing shards."""
-    from fpputil.dataset.store import check_files, open_store
-
-    if wrong := check_files(path):
+    if wrong := dataset.check_files(path):
         anew = "The command that made the dataset makes damaged and missing files anew."
         print(*wrong, anew, sep="\n")
         return 1
-    print(f"every byte is as it was written, content {open_store(path).checksum}")
+    print(f"every byte is as it was written, content {dataset.open_store(path).checksum}")
     return 0
 
 
 @app.command
 def info(path: Folder, /) -> None:
     """Say what a dataset holds."""
-    from fpputil.dataset.store import open_store
-
-    _print(open_store(path).manifest)
+    _print(dataset.open_store(path).manifest)
 
 
 @app.command
@@ -98,9 +89,7 @@ def export(
     noise: Annotated[float, option("Read noise, grey levels.")] = 0.0,
 ) -> None:
     """Write photographs as PNG files, a folder a scene."""
-    from fpputil.dataset.folders import export_folder
-
-    print(f"{export_folder(path, folder, split, noise)} scenes in {folder}")
+    print(f"{dataset.export_folder(path, folder, split, noise)} scenes in {folder}")
 
 
 @app.command(name="import")
@@ -117,9 +106,7 @@ def import_(
     FOLDER holds scenes.json (system, pitches, steps) and a folder a scene with high_00.png ...,
     mid_00.png ..., zmin_00.png ..., unit_00.png ... as export writes them.
     """
-    from fpputil.dataset.folders import import_folder
-
-    _print(import_folder(folder, out, seed=seed, workers=workers, progress=True))
+    _print(dataset.import_folder(folder, out, seed=seed, workers=workers, progress=True))
 
 
 def _print(manifest: dict) -> None:

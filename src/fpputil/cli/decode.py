@@ -1,7 +1,5 @@
 """`fpp decode`: a folder of photographs to phases, depth and points (chapter 12)."""
 
-from __future__ import annotations
-
 import json as jsons
 import sys
 from dataclasses import dataclass, replace
@@ -10,6 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from fpputil import capture, optics
 from fpputil.cli.options import FRINGES, Force, Fringes, Json, Size, given, option
 
 YES = {"negative_bool": "no-", "negative": None}
@@ -61,16 +60,14 @@ def decode(
     shift, swapped or missing photographs, a saturated projector ...), only report and summary are
     written, and the exit code is 1.
     """
-    from fpputil.capture.folder import decode_folder
     from fpputil.checks import positive
-    from fpputil.optics.system import load_system
 
     exponent = None if gamma == "auto" else positive("gamma", _number(gamma))
-    rig = None if system is None else load_system(system)
+    rig = None if system is None else optics.load_system(system)
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
-    decoded = decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
+    decoded = capture.decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
         print(jsons.dumps(decoded.summary))
     else:
@@ -87,7 +84,6 @@ def _number(text: str) -> float:
 
 def _patterns(folder: Path, names: Files, fringes: Fringes):
     """Patterns named on the command line, or of a file, whose direction --shift may turn."""
-    from fpputil.capture.patterns import Patterns
     from fpputil.capture.photographs import of_folder
 
     if names.patterns is not None and names.files is not None:
@@ -98,7 +94,9 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
     if beside := given(replace(fringes, shift=None)):
         reason = "a pattern file tells it, or --files and all the others do"
         raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
-    patterns = of_folder(folder) if names.patterns is None else Patterns.load(names.patterns)
+    patterns = (
+        of_folder(folder) if names.patterns is None else capture.Patterns.load(names.patterns)
+    )
     return patterns if fringes.shift is None else replace(patterns, shift=fringes.shift)
 
 

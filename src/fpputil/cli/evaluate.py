@@ -1,10 +1,9 @@
 """`fpp evaluate`: how far off a trained network is on a split of a dataset (chapter 8)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
+from fpputil import dataset, learning
 from fpputil.cli.options import Data, Device, Precision, Weights, Workers, option
 
 ROWS = (
@@ -49,28 +48,27 @@ def evaluate(
     photograph: the same phi_h, without phi_r, with the minimum phase at the high pitch.
     Millimetres count only where a projector column moves by more than 0.1 pixel a mm.
     """
-    from fpputil.dataset.augmentation import Augmentation
-    from fpputil.learning import evaluation
     from fpputil.learning.devices import device_of, hardware, precision_of
+    from fpputil.learning.evaluation import save_points
     from fpputil.learning.loaders import spread
-    from fpputil.learning.weights import load_weights, write_metrics
+    from fpputil.learning.weights import write_metrics
 
     if json and (noise, gain, gamma, texture) != (0, 1, 1, 0):
         raise ValueError("--json with another camera given; it keeps the dataset's own alone")
-    trained = load_weights(weights)
+    trained = learning.load_weights(weights)
     camera = {"gain": gain, "noise": noise, "gamma": gamma}
-    augmentation = Augmentation(**{name: (value, value) for name, value in camera.items()})
-    opened = evaluation.open_split(trained, data, split, augmentation, seed, texture)
+    augmentation = dataset.Augmentation(**{name: (value, value) for name, value in camera.items()})
+    opened = learning.open_split(trained, data, split, augmentation, seed, texture)
     how = {"device": device, "precision": precision}
     if save:
         if not 0 <= view < len(opened):
             raise ValueError(f"view {view} given; the split has views 0 to {len(opened) - 1}")
-        item, prediction = next(evaluation.predictions(trained, opened, views=[view], **how))
-        number = evaluation.save_points(save, item, prediction, opened)
+        item, prediction = next(learning.predictions(trained, opened, views=[view], **how))
+        number = save_points(save, item, prediction, opened)
         print(f"{number} points of view {int(item['index'])} in {save}")
     which = spread(opened, len(opened) if views is None else views)
     how |= {"workers": workers, "progress": True}
-    scores = evaluation.evaluate(trained, opened, views=which, **how)
+    scores = learning.evaluate(trained, opened, views=which, **how)
     both, alone = (score.summary(seed) for score in scores)
     print(f"{split}: {len(which)} views of {len(scores[0].models)} models")
     print(f"{'':32}{'with phi_r':>34}{'phi_h alone':>34}")

@@ -1,7 +1,5 @@
 """Options that several commands share."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass
@@ -9,6 +7,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
+
+from fpputil import capture, optics
 
 
 def option(text: str, **how) -> Parameter:
@@ -59,8 +59,6 @@ class Fringes:
     def patterns(self, projector: tuple[int, int], **names):
         """`Patterns` for a projector (width, height), refused if they do not unwrap."""
         from fpputil.capture.measurement import unwrapper
-        from fpputil.capture.patterns import Patterns
-        from fpputil.optics.fringes import fringe_set
 
         side, unwrap = max(projector), self.unwrap or "mf"
         if self.pitches is None and unwrap not in ("mf", "minimum"):
@@ -69,8 +67,8 @@ class Fringes:
         pitches = [int(p) if float(p).is_integer() else p for p in pitches]
         axes = ("column", "row") if self.axis == "both" else (self.axis or "column",)
         steps = self.steps if len(self.steps or ()) > 1 else (self.steps or [8])[0]
-        fringes = sum((fringe_set(pitches, steps, axis=axis) for axis in axes), ())
-        patterns = Patterns(projector, fringes, unwrap, self.shift or 1, **names)
+        fringes = sum((optics.fringe_set(pitches, steps, axis=axis) for axis in axes), ())
+        patterns = capture.Patterns(projector, fringes, unwrap, self.shift or 1, **names)
         for axis in () if unwrap == "minimum" else axes:  # whose pitches the system decides on
             try:
                 unwrapper(patterns, axis)

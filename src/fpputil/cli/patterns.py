@@ -1,7 +1,5 @@
 """`fpp patterns`: the pictures to project, and the file that tells how to decode them (ch. 12)."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from fpputil.cli.options import FRINGES, Force, Fringes, Json, Out, Size, option, tell

@@ -1,13 +1,12 @@
 """`fpp predict`: depth from the few photographs that a trained network wants (chapter 8)."""
 
-from __future__ import annotations
-
 import io
 import json as jsons
 import sys
 from pathlib import Path
 from typing import Annotated
 
+from fpputil import capture, decoding, learning, optics
 from fpputil.cli.options import Device, Force, Json, Out, Precision, System, Weights, option
 
 FILES = ("predicted.npz", "points.ply", "predicted.png")
@@ -43,17 +42,13 @@ def predict(
     """
     import numpy as np
 
-    from fpputil.decoding.pointcloud import point_cloud, save_ply
     from fpputil.files import folder_whole, write_arrays, write_whole
-    from fpputil.learning import prediction
-    from fpputil.learning.weights import load_weights
-    from fpputil.optics.system import load_system
 
-    trained, rig = load_weights(weights), load_system(system)
-    shots = prediction.check_photographs(trained, [_levels(path) for path in photo], rig)
-    warnings = _warn(prediction.warnings(shots))
+    trained, rig = learning.load_weights(weights), optics.load_system(system)
+    shots = learning.check_photographs(trained, [_levels(path) for path in photo], rig)
+    warnings = _warn(learning.warnings(shots))
     with folder_whole(out, "fpp predict", force, [*photo, weights]) as folder:
-        result = prediction.predict(trained, shots, device, precision)
+        result = learning.predict(trained, shots, device, precision)
         inside = np.isfinite(result.points).all(axis=-1)
         depths = np.percentile(result.depth[inside], [0, 50, 100]).tolist()
         pixels, mask, points = result.mask.size, int(result.mask.sum()), int(inside.sum())
@@ -64,7 +59,7 @@ def predict(
         write_arrays(folder / FILES[0], {name: getattr(result, name) for name in ARRAYS})
         grey = np.rint(shots.frames[0].clip(0, 255)).astype(np.uint8)
         colours = np.repeat(grey[inside][:, None], 3, axis=1)
-        save_ply(folder / FILES[1], point_cloud(result.points), colours)
+        decoding.save_ply(folder / FILES[1], decoding.point_cloud(result.points), colours)
         write_whole(folder / FILES[2], _picture(shots.frames, result))
     if json:
         numbers = {"pixels": pixels, "mask": mask, "points": points}
@@ -78,9 +73,7 @@ def predict(
 
 def _levels(path: Path):
     """A photograph in float32 grey levels of 255; floats are that already."""
-    from fpputil.capture.photographs import read_photograph
-
-    image = read_photograph(path)
+    image = capture.read_photograph(path)
     return image.astype("float32") / (257 if image.dtype == "uint16" else 1)
 
 

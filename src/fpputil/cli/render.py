@@ -1,12 +1,11 @@
 """`fpp render`: photographs of a mesh under the patterns, by the virtual system (chapter 12)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Group
 
+from fpputil import calibration, capture, optics
 from fpputil.cli.options import Force, Json, Kind, Out, Size, Square, System, option, tell
 
 SEEDS = 100_000  # between the noise of one scene and that of the next
@@ -57,28 +56,28 @@ def render(
     What a camera would see of the patterns on a body, as PNG files that `fpp decode` reads, with
     system.json and truth.npz (column, row, depth, mask).
     """
-
-    from fpputil.calibration.board import Board
-    from fpputil.capture.patterns import Patterns
-    from fpputil.capture.virtual import photograph_into, save_truth
+    from fpputil.checks import whole
     from fpputil.files import folder_whole
-    from fpputil.optics import shapes
-    from fpputil.optics.parts import part as machine_part
-    from fpputil.optics.raycasting import raycast
-    from fpputil.optics.system import load_system
 
-    shown, rig = Patterns.load(patterns), load_system(system)
+    shapes = optics.shapes
+    shown, rig = capture.Patterns.load(patterns), optics.load_system(system)
     centre = rig.camera.R.T @ ([0, 0, distance] - rig.camera.t)
     camera = {"noise": noise, "gain": gain, "ambient": ambient, "gamma": gamma}
 
     def bodies():
         """Folder, mesh and albedo of each scene."""
         if board is not None:
-            yield from _boards(Board(*board, square, kind), poses, seed, rig)
+            target = calibration.Board(*board, square, kind)
+            picture = target.picture(PIXELS)
+            width = picture.shape[1] * square / PIXELS
+            places = calibration.place_boards(whole("poses", poses, 1), seed, rig, target.size)
+            for k, (R, t) in enumerate(places):
+                placed = calibration.PlacedBoard(picture, width, R, t)
+                yield f"pose-{k:02}", placed.mesh, placed.albedo
         elif sphere is not None:
             yield "", shapes.sphere(sphere, centre), 0.9
         else:
-            body = machine_part(part) if mesh is None else shapes.load_mesh(mesh)
+            body = shapes.part(part) if mesh is None else shapes.load_mesh(mesh)
             yield "", shapes.place(body, size, centre, shapes.rotation(*turn)), 0.9
 
     inputs = [file for file in (patterns, mesh) if file is not None]
@@ -86,22 +85,11 @@ def render(
         for number, (name, body, albedo) in enumerate(bodies()):
             scene = folder / name
             scene.mkdir(exist_ok=True)
-            view = raycast(body, rig, albedo=albedo, supersample=supersample)
+            view = optics.raycast(body, rig, albedo=albedo, supersample=supersample)
             noises = seed + SEEDS * number
-            photograph_into(scene, view, shown, rig, noises, projector_gamma, **camera)
-            save_truth(scene / "truth.npz", view)
+            capture.photograph_into(scene, view, shown, rig, noises, projector_gamma, **camera)
+            capture.save_truth(scene / "truth.npz", view)
         rig.save(folder / "system.json")
     scenes, photographs = number + 1, len(shown.shots()) * (number + 1)
     counts = {"folder": str(out), "scenes": scenes, "photographs": photographs}
     tell(json, counts, f"{photographs} photographs of {scenes} scene(s) in {out}")
-
-
-def _boards(board, poses: int, seed: int, rig):
-    from fpputil.calibration.placement import PlacedBoard, place_boards
-    from fpputil.checks import whole
-
-    picture = board.picture(PIXELS)
-    width = picture.shape[1] * board.square / PIXELS
-    for k, (R, t) in enumerate(place_boards(whole("poses", poses, 1), seed, rig, board.size)):
-        target = PlacedBoard(picture, width, R, t)
-        yield f"pose-{k:02}", target.mesh, target.albedo

@@ -1,12 +1,11 @@
 """`fpp results`: the runs behind the tables, made by name and printed (chapters 10 and 11)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App
 
+from fpputil import experiments
 from fpputil.cli.options import TRAINING, Data, Preset, Training, option
 
 app = App(
@@ -24,12 +23,10 @@ Results = Annotated[Path, option("Folder of the results.")]
 @app.command(name="list")
 def list_(*, preset: Preset = "tiny", results: Results = RESULTS) -> None:
     """The runs: which are finished, and what the others cost."""
-    from fpputil.experiments.registry import experiments
-    from fpputil.experiments.runs import load, training_cost, training_speed
-
-    names, runs = experiments(preset), load(preset, results).runs
-    measured = training_speed(runs) or training_speed(load("tiny", results).runs)
-    work = training_cost(preset, [name for name in names if name not in runs])
+    names, runs = experiments.experiments(preset), experiments.load(preset, results).runs
+    speed = experiments.training_speed
+    measured = speed(runs) or speed(experiments.load("tiny", results).runs)
+    work = experiments.training_cost(preset, [name for name in names if name not in runs])
     for name in names:
         if run := runs.get(name):
             print(f"{name:24} MAE {run.test.mae:.4f} rad, {run.seconds / 60:.1f} min")
@@ -38,8 +35,8 @@ def list_(*, preset: Preset = "tiny", results: Results = RESULTS) -> None:
             print(f"{name:24} to be made{about}")
     if work and measured:
         hours = sum(work.values()) / measured / 3600
-        speed = "the speed of the runs that are finished on this preset or, if none is, on tiny"
-        print(f"{hours:.1f} hours of training in all, at {speed}")
+        source = "the runs that are finished on this preset or, if none is, on tiny"
+        print(f"{hours:.1f} hours of training in all, at the speed of {source}")
 
 
 @app.command
@@ -52,10 +49,9 @@ def rates(
     how: Training = TRAINING,
 ) -> None:
     """Search the learning rate of each method, at tiny."""
-    from fpputil.experiments.learning_rate import search_learning_rate
-
     path = results / "tiny" / "rates.json"
-    for kind, rate in search_learning_rate(data, path, names or (), **how.begin()).items():
+    chosen = experiments.search_learning_rate(data, path, names or (), **how.begin())
+    for kind, rate in chosen.items():
         print(f"{kind:14} {rate:g}")
 
 
@@ -71,17 +67,14 @@ def run(
     how: Training = TRAINING,
 ) -> int:
     """Make runs."""
-    from fpputil.experiments import runs
-    from fpputil.experiments.registry import experiments
-
-    known, data = list(experiments(preset)), data or Path("sets") / preset
+    known, data = list(experiments.experiments(preset)), data or Path("sets") / preset
     if wrong := [name for name in names if name not in (*known, "all")]:
         raise ValueError(f"run {wrong[0]!r} given; the runs are all, {', '.join(known)}")
     processes, failed = how.begin(), False
     waiting = [(name, False) for name in (known if "all" in names else names)]
     for name, wait in waiting:  # grows: what others make is waited for at the end
         try:
-            made = runs.make_run(name, preset, data, work, results, wait, **processes)
+            made = experiments.make_run(name, preset, data, work, results, wait, **processes)
             print(f"{name:24} MAE {made.test.measures['mae_rad']:.4f} rad")
         except BlockingIOError as error:
             waiting.append((name, True))
@@ -101,11 +94,10 @@ def table(
     results: Results = RESULTS,
 ) -> None:
     """Print a table."""
-    from fpputil.experiments.runs import load
     from fpputil.experiments.tables import agreement
 
     key = int(number) if number.isdecimal() else number
-    loaded = load(preset, results)
+    loaded = experiments.load(preset, results)
     rows = loaded.rows(key)
     if not rows:
         make = f"make them: fpp results run all --preset {preset}"

@@ -1,13 +1,12 @@
 """`fpp system`: what a camera and a projector measure, in numbers (chapter 2)."""
 
-from __future__ import annotations
-
 import json as jsons
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App
 
+from fpputil import optics
 from fpputil.cli.options import Force, Json, System, free, option
 
 New = Annotated[Path, option("New.")]
@@ -21,9 +20,7 @@ def show(system: System, /, *, json: Json = False) -> None:
     Lengths in millimetres, angles in degrees, the rest in pixels. Seen from the camera: x right,
     y down, z forward; yaw turns to the right, pitch up, roll clockwise.
     """
-    from fpputil.optics.system import load_system
-
-    numbers = describe(load_system(system))
+    numbers = describe(optics.load_system(system))
     if json:
         print(jsons.dumps(numbers, indent=1))
         return
@@ -37,9 +34,7 @@ def show(system: System, /, *, json: Json = False) -> None:
 @app.command
 def convert(system: System, file: New, /, *, force: Force = False) -> None:
     """Write it as .json, or as .yml for OpenCV."""
-    from fpputil.optics.system import load_system
-
-    rig = load_system(system)
+    rig = optics.load_system(system)
     free(file, force)
     rig.save(file)
     print(f"{system} is in {file}")
@@ -70,7 +65,10 @@ def describe(system) -> dict:
     corners = {"top left": (0, 0), "top right": (0, -1), "bottom left": (-1, 0)}
     places = {"centre": (h // 2, w // 2), **corners, "bottom right": (-1, -1)}
     lit = columns[np.isfinite(columns)]
-    few = float(np.mean(lit < LEAST_SENSITIVITY)) if lit.size else None
+
+    def number(value):
+        return float(value) if np.isfinite(value) else None
+
     return {
         "camera": _lens(camera),
         "projector": _lens(projector),
@@ -84,18 +82,17 @@ def describe(system) -> dict:
         "field_of_view_mm": {f"{z:g}": [float(z * width), float(z * height)] for z in depths},
         "columns_per_mm": {
             "depth_mm": sum(depths) / 2,
-            **{
-                k: float(columns[at]) if np.isfinite(columns[at]) else None
-                for k, at in places.items()
-            },
+            **{name: number(columns[place]) for name, place in places.items()},
             "too_few": LEAST_SENSITIVITY,
-            "share_of_too_few": few,
+            "share_of_too_few": float(np.mean(lit < LEAST_SENSITIVITY)) if lit.size else None,
         },
     }
 
 
 def _lens(pinhole) -> dict:
-    K, size = pinhole.K, [pinhole.width, pinhole.height]
-    focal, point = [float(K[0, 0]), float(K[1, 1])], [float(K[0, 2]), float(K[1, 2])]
-    lens = {"size_px": size, "focal_px": focal, "principal_point_px": point}
-    return lens | {"distortion": pinhole.distortion.tolist()}
+    return {
+        "size_px": [pinhole.width, pinhole.height],
+        "focal_px": pinhole.K.diagonal()[:2].tolist(),
+        "principal_point_px": pinhole.K[:2, 2].tolist(),
+        "distortion": pinhole.distortion.tolist(),
+    }

@@ -1,7 +1,5 @@
 """`fpp train`: train a network on a dataset, or go on with a run that was stopped (chapter 8)."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import fields, make_dataclass, replace
 from pathlib import Path
@@ -9,15 +7,16 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from fpputil import dataset, experiments, learning, networks
 from fpputil.cli.options import TRAINING, Data, Preset, Training, given, option
 
 
 def _options(group: str, **options: tuple[type, str]) -> type:
     """A dataclass of options by name: type and help; None where one is not given."""
-    rows = []
-    for key, (kind, text) in options.items():
-        described = option(text, negative=None if kind is bool else ())
-        rows.append((key, Annotated[kind | None, described], None))
+    rows = [
+        (name, Annotated[kind | None, option(text, negative=None if kind is bool else ())], None)
+        for name, (kind, text) in options.items()
+    ]
     made = make_dataclass("Options", rows, frozen=True, namespace={"__module__": __name__})
     return Parameter(name="*", group=group)(made)
 
@@ -87,20 +86,18 @@ def train(
     (16 bit, of the best epoch), log.csv and curve.png. What is not given is as the preset has it.
     Several devices: torchrun --nproc-per-node N -m fpputil.cli train ...
     """
-    from fpputil.dataset.store import open_store
-    from fpputil.experiments.registry import recipe
-    from fpputil.learning.training import fit
-    from fpputil.learning.weights import load_weights
-
-    plain, config = recipe(preset, method)
+    plain, config = experiments.recipe(preset, method)
     augmentation = replace(config.augmentation, **given(camera))
     config = replace(config, **given(settings), augmentation=augmentation)
     chosen = _changed(plain, method, given(network), given(losses))
-    if (made := open_store(data).manifest["settings"]["preset"]) not in (preset, "imported"):
+    if (made := dataset.open_store(data).manifest["settings"]["preset"]) not in (
+        preset,
+        "imported",
+    ):
         name = f"{preset} is given; name the preset of the dataset"
         raise ValueError(f"{data} was made with the preset {made}, and {name}")
-    processes = how.begin() | {"start": start and load_weights(start)}
-    _, history = fit(chosen, data, config, out, resume=resume, **processes)
+    processes = how.begin() | {"start": start and learning.load_weights(start)}
+    _, history = learning.fit(chosen, data, config, out, resume=resume, **processes)
     if int(os.environ.get("RANK", 0)):  # the first of several processes speaks for all
         return
     best = min(history, key=lambda row: row["validation_mae"])
@@ -113,8 +110,6 @@ def train(
 
 def _changed(method, name: str, network: dict, losses: dict):
     """The method with the options that were given for it."""
-    from fpputil.networks.losses import Weights
-
     known = {f.name for f in fields(method)}
     of_losses = ["weights of losses"] if losses and "weights" not in known else []
     if wrong := [key for key in (*network, *of_losses) if key not in known]:
@@ -123,5 +118,5 @@ def _changed(method, name: str, network: dict, losses: dict):
     if "modulo" in losses:
         losses["order"] = not losses.pop("modulo")
     if losses:
-        network["weights"] = replace(method.weights or Weights(), **losses)
+        network["weights"] = replace(method.weights or networks.Weights(), **losses)
     return replace(method, **network)

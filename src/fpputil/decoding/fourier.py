@@ -4,8 +4,6 @@ The method is Takeda and Mutoh's of 1983: the fringes are a carrier, which the o
 of the carrier, the phase varies slowly, and a window keeps it apart from the background.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import fft
 
@@ -23,23 +21,10 @@ def carrier(system: System, pitch: float, z: float | None = None) -> np.ndarray:
     Its gradient is the frequency of the fringes in the photograph, with the sign that the pose
     of the projector gives it: an upside-down projector makes the columns grow leftward. Chapter 8.
 
-    Parameters
-    ----------
-    system : System
-        Camera, projector and measuring range.
-    pitch : float
-        Projector pixels.
-    z : float, optional
-        Depth of the plane, mm; by default the middle of the measuring range.
+    (H, W), radians, of a pitch in projector pixels at the depth z, mm, by default the middle of the
+    measuring range. Beyond the borders of the projector it goes on as if there were columns.
 
-    Returns
-    -------
-    (H, W) float64 array
-        Radians. Beyond the borders of the projector it goes on as if there were columns.
-
-    Examples
-    --------
-    >>> from fpputil.optics.system import preset
+    >>> from fpputil.optics import preset
     >>> carrier(preset("tiny").system, 24)[60, [0, 40, 80]].round(1)
     array([ -5.9,  55.6, 119.2])
     """
@@ -60,8 +45,8 @@ def fourier_phase(photograph, Phi_carrier, mask=None, width: float = 1.0, shift:
     photograph : (H, W) array
         Grey levels of ``I = A + B cos(Phi + shift)``.
     Phi_carrier : (H, W) array
-        Phase that the fringes would have on a plane near the object, radians, as `carrier`
-        gives it.
+        Phase of the fringes on a plane near the object, radians, as of `carrier`; its period is
+        longer than 2 pixels.
     mask : (H, W) bool array, optional
         Pixels that count; by default all. What lies outside does not matter.
     width : float
@@ -75,12 +60,6 @@ def fourier_phase(photograph, Phi_carrier, mask=None, width: float = 1.0, shift:
     -------
     (H, W) float64 array
         phi, radians, in (-pi, pi]; NaN outside the mask.
-
-    Raises
-    ------
-    ValueError
-        If shapes differ, the mask is empty, a pixel of the mask is not finite, the photograph
-        is black, the width is not positive, or the carrier has no period of more than 2 pixels.
 
     Notes
     -----

@@ -3,8 +3,6 @@
 The equations take NumPy arrays or torch tensors; the phases of the geometry are NumPy.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from array_api_compat import array_namespace
 
@@ -25,32 +23,23 @@ def minimum_phase(
     Parameters
     ----------
     system : System
-        Camera, projector and measuring range.
     pitch : float
         Low pitch, projector pixels.
     centred : bool
         Lower Phi_min by half of the period that the range leaves free, so that noise has
         equal room at either end.
     ambiguous : bool
-        Accept a range longer than one period: the order is then right in a part of it only.
+        Accept a range longer than one period, which is refused otherwise: the order is then right
+        in a part of it only.
 
     Returns
     -------
     (H, W) float64 array
-        Radians.
-
-    Raises
-    ------
-    ValueError
-        If the measuring range is longer than one period at some pixel.
-
-    Notes
-    -----
-    Points outside the measuring range may get a wrong order without a sign of it.
+        Radians. Points outside the measuring range may get a wrong order without a sign of it.
 
     Examples
     --------
-    >>> from fpputil.optics.system import preset
+    >>> from fpputil.optics import preset
     >>> tiny = preset("tiny").system
     >>> Phi_min = minimum_phase(tiny, 304)
     >>> phi = 2 * np.pi * tiny.columns_at(650.0) / 304  # of a plane within the range
@@ -58,7 +47,9 @@ def minimum_phase(
     True
     """
     positive("pitch", pitch, "projector pixels")
-    near, far = (_phase_at(system, z, pitch) for z in (system.z_min, system.z_max))
+    columns = [system.columns_at(z) for z in (system.z_min, system.z_max)]
+    lit = np.clip(columns, -0.5, system.projector.width - 0.5)  # what the projector can light
+    near, far = TWO_PI * lit / pitch
     span = np.abs(far - near)
     if not ambiguous and np.nanmax(span) >= TWO_PI:
         raise ValueError(
@@ -69,24 +60,13 @@ def minimum_phase(
     return lower - np.maximum(TWO_PI - span, 0) / 2 if centred else lower
 
 
-def _phase_at(system: System, z: float, pitch: float) -> np.ndarray:
-    """Absolute phase on the plane z, clipped to the columns that the projector can light."""
-    lit = np.clip(system.columns_at(z), -0.5, system.projector.width - 0.5)
-    return TWO_PI * lit / pitch
-
-
 def depth_range(system: System, pitch: float, z: float) -> np.ndarray:
     """Depth, in mm from the plane z on, within which one period names the order. Chapter 5.
 
-    Returns
-    -------
-    (H, W) float64 array
-        Infinite where the column never moves by a whole pitch. Whether the projector lights
-        the pixel at all is not asked.
+    (H, W), infinite where the column never moves by a whole pitch. Whether the projector lights the
+    pixel at all is not asked.
 
-    Examples
-    --------
-    >>> from fpputil.optics.system import preset
+    >>> from fpputil.optics import preset
     >>> float(depth_range(preset("tiny").system, 114, 480.0)[60, 40].round(1))
     279.5
     """
@@ -99,15 +79,8 @@ def depth_range(system: System, pitch: float, z: float) -> np.ndarray:
 def zmin_order(phi_z, Phi_min):
     """K_z = ceil((Phi_min - phi_z) / 2 pi) (Eq. 9). Chapter 5.
 
-    Parameters
-    ----------
-    phi_z : (...) array
-        Wrapped phase of the low pitch, radians.
-    Phi_min : (...) array
-        Minimum phase of that pitch, radians.
+    Of the wrapped and the minimum phase of the low pitch, (...), radians.
 
-    Examples
-    --------
     >>> zmin_order(np.array([-1.0, 1.0]), np.array([5.0, 5.0]))
     array([1., 1.])
     """
@@ -144,7 +117,7 @@ def refined_reference(Phi_t, K_z, pitch_t: float, pitch_z: float):
 
 
 def two_phase_absolute(phi_h, phi_z, Phi_min, pitch_h: float, pitch_z: float):
-    """Absolute phase from two wrapped phases and the minimum phase (Eq. 9, 6). Chapter 5.
+    """Phi of the high pitch from two wrapped phases and the minimum phase (Eq. 9, 6). Chapter 5.
 
     Parameters
     ----------
@@ -154,11 +127,6 @@ def two_phase_absolute(phi_h, phi_z, Phi_min, pitch_h: float, pitch_z: float):
         Minimum phase of the low pitch, radians.
     pitch_h, pitch_z : float
         Projector pixels.
-
-    Returns
-    -------
-    (...) array
-        Phi of the high pitch, radians.
 
     Examples
     --------

@@ -1,7 +1,5 @@
 """What noise does to a phase, and to the fringe order (chapters 3 and 4)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 from scipy.special import ndtr
@@ -13,22 +11,9 @@ from fpputil.decoding.unwrap import check_pitches
 def phase_sigma(noise, modulation, steps: int):
     """sigma_phi = sqrt(2/N) sigma / B: the phase noise of N-step phase shifting. Chapter 3.
 
-    Parameters
-    ----------
-    noise : float or array
-        Standard deviation of a frame's noise, grey levels.
-    modulation : float or array
-        Modulation B of the fringe, grey levels.
-    steps : int
-        Number of phase shifts N.
+    In radians, of the noise sigma of a frame (standard deviation) and the modulation B of the
+    fringe, grey levels, numbers or arrays. It holds to first order in sigma / B.
 
-    Returns
-    -------
-    float or array
-        Radians; the closed form holds to first order in noise over modulation.
-
-    Examples
-    --------
     >>> float(phase_sigma(noise=2, modulation=80, steps=15).round(5))
     0.00913
     """
@@ -38,20 +23,9 @@ def phase_sigma(noise, modulation, steps: int):
 def phase_density(error, sigma: float):
     """Exact probability density of the phase error of a phasor in Gaussian noise. Chapter 3.
 
-    Parameters
-    ----------
-    error : (...) array
-        Phase error in (-pi, pi], radians.
-    sigma : float
-        Noise of either component over the phasor's length; `phase_sigma` gives it.
+    Per radian, of errors (...) in (-pi, pi]. `sigma` is the noise of either component over the
+    phasor's length, as of `phase_sigma`; where it is small, the law is the normal one.
 
-    Returns
-    -------
-    (...) array
-        Density per radian. For small `sigma` it tends to the normal law of that width.
-
-    Examples
-    --------
     >>> phase_density([0.0, 0.1], sigma=0.1).round(3)
     array([3.989, 2.412])
     """
@@ -63,7 +37,7 @@ def phase_density(error, sigma: float):
     )
 
 
-def order_error_rate(noise: float, modulation: float, steps, pitches, points: int = 20001) -> float:
+def order_error_rate(noise: float, modulation: float, steps, pitches) -> float:
     """Predicted share of wrong fringe orders in multi-frequency unwrapping. Chapter 4.
 
     Between two neighbours the order is right where ``|ratio e_long - e_short| < pi``, with
@@ -78,18 +52,6 @@ def order_error_rate(noise: float, modulation: float, steps, pitches, points: in
         Steps of all, or of each, pitch.
     pitches : sequence of float
         Descending.
-    points : int
-        Nodes of the integral over (-pi, pi).
-
-    Returns
-    -------
-    float
-        Between 0 and 1.
-
-    Raises
-    ------
-    ValueError
-        If noise or modulation is not positive, or steps and pitches do not pair or descend.
 
     Examples
     --------
@@ -100,7 +62,7 @@ def order_error_rate(noise: float, modulation: float, steps, pitches, points: in
     positive("modulation", modulation, "grey levels")
     steps = (steps,) * len(pitches) if np.ndim(steps) == 0 else tuple(steps)
     check_pitches(steps, pitches)
-    error = np.linspace(-np.pi, np.pi, points)
+    error = np.linspace(-np.pi, np.pi, 20001)
     laws = [phase_density(error, float(phase_sigma(noise, modulation, n))) for n in steps]
     right, wrong = laws[0], 0.0
     for law, longer, pitch in zip(laws[1:], pitches, pitches[1:], strict=False):

@@ -3,12 +3,10 @@
 Every function takes NumPy arrays or torch tensors and returns the same kind.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from array_api_compat import array_namespace, is_array_api_obj, is_numpy_array
+from array_api_compat import array_namespace, is_array_api_obj
 
 THRESHOLD = 8.0  # grey levels of modulation, the paper's choice below Eq. 16
 
@@ -16,23 +14,9 @@ THRESHOLD = 8.0  # grey levels of modulation, the paper's choice below Eq. 16
 def numerator_denominator(frames):
     """M = sum I_n sin(delta_n) and D = sum I_n cos(delta_n) (Eq. 3). Chapter 3.
 
-    Parameters
-    ----------
-    frames : (N, ...) array
-        Frames of one fringe, equally shifted over a period, N at least 3; usually (N, H, W).
+    Of frames (N, ...) of one fringe, N at least 3, equally shifted over a period: M and D, (...),
+    float32 for float32 frames, float64 for all others.
 
-    Returns
-    -------
-    M, D : (...) arrays
-        float32 for float32 frames, float64 for all others.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 3 frames, mixed sizes or dtypes, or NaN.
-
-    Examples
-    --------
     >>> frames = [128 + 50 * np.cos(0.5 + 2 * np.pi * n / 4) * np.ones((2, 3)) for n in range(4)]
     >>> M, D = numerator_denominator(frames)
     >>> float(wrapped_phase(M, D)[0, 0].round(6)), float(modulation(M, D, 4)[0, 0].round(6))
@@ -42,9 +26,7 @@ def numerator_denominator(frames):
     xp = array_namespace(frames)
     steps = frames.shape[0]
     delta = 2 * math.pi * xp.arange(steps, dtype=frames.dtype) / steps
-    M = xp.tensordot(xp.sin(delta), frames, axes=1)
-    D = xp.tensordot(xp.cos(delta), frames, axes=1)
-    return M, D
+    return xp.tensordot(xp.sin(delta), frames, axes=1), xp.tensordot(xp.cos(delta), frames, axes=1)
 
 
 def wrapped_phase(M, D):
@@ -81,20 +63,13 @@ def mask(modulation_high, threshold: float = THRESHOLD):
 
 
 def check_frames(frames, steps: int | None = None):
-    """Frames as one (N, ...) array, or a ValueError that says what is wrong with them.
-
-    Parameters
-    ----------
-    frames : (N, ...) array or sequence of N arrays
-        A stack, or single frames of one size and dtype.
-    steps : int, optional
-        Number of frames required; by default at least 3.
-    """
+    """A stack, or a list of frames, as one (N, ...) array; ValueError if it cannot be."""
     parts = frames if isinstance(frames, list | tuple) else [frames]
-    if not all(is_array_api_obj(f) for f in parts):
-        kind = type(next(f for f in parts if not is_array_api_obj(f))).__name__
-        raise ValueError(f"frames of type {kind} given; they are NumPy arrays or torch tensors")
-    if isinstance(frames, list | tuple):
+    if strange := [type(f).__name__ for f in parts if not is_array_api_obj(f)]:
+        raise ValueError(
+            f"frames of type {strange[0]} given; they are NumPy arrays or torch tensors"
+        )
+    if parts is frames:
         shapes = {tuple(f.shape) for f in frames}
         dtypes = {str(f.dtype) for f in frames}
         if len(shapes) > 1 or len(dtypes) > 1:
@@ -113,7 +88,7 @@ def check_frames(frames, steps: int | None = None):
         raise ValueError(f"{number} frames given; phase shifting needs at least 3 steps")
     if 0 in frames.shape:
         raise ValueError(f"frames of shape {tuple(frames.shape)} given; they hold no pixel")
-    if xp.isdtype(frames.dtype, "real floating") and not _finite(xp, frames):
+    if xp.isdtype(frames.dtype, "real floating") and not all(xp.isfinite(f).all() for f in frames):
         raise ValueError("frames with NaN or infinite pixels given; mask them or photograph again")
     return frames
 
@@ -123,9 +98,3 @@ def _floats(frames):
     xp = array_namespace(frames)
     exact = frames.dtype in (xp.float32, xp.float64)
     return frames if exact else xp.astype(frames, xp.float64)
-
-
-def _finite(xp, frames) -> bool:
-    if is_numpy_array(frames):  # the sum is finite if all are: no temporary the size of the stack
-        return all(np.isfinite(f).all() for f in frames)
-    return bool(xp.all(xp.isfinite(frames)))

@@ -1,7 +1,5 @@
 """Phase to height by a polynomial at each pixel, from reference planes (chapter 6)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,11 +40,6 @@ def fit_phase_height(Phi: np.ndarray, heights, degree: int = 1) -> PhaseHeight:
         Heights of the planes, mm.
     degree : int
         1 for the linear model, 2 or more for the polynomial one.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer planes than coefficients.
 
     Examples
     --------

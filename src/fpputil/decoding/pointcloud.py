@@ -1,7 +1,5 @@
 """Clouds of points: surface, file, fitted sphere and plane (chapter 6)."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,21 +63,11 @@ def surface(points: np.ndarray, max_edge: float = np.inf) -> trimesh.Trimesh:
 def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = None) -> None:
     """Write points (P, 3) or a mesh, mm, as binary PLY, whole or not at all.
 
-    Parameters
-    ----------
-    path : path
-        Ends in ``.ply``.
-    geometry : (P, 3) array or trimesh.Trimesh
-        Coordinates in mm.
-    colours : (P, 3) uint8 array, optional
-        Of the points.
+    `colours`, (P, 3) uint8, are those of the points.
 
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_ply(folder + "/cloud.ply", np.eye(3))
-    ...     trimesh.load(folder + "/cloud.ply").vertices.shape
+    >>> path = getfixture("tmp_path") / "cloud.ply"
+    >>> save_ply(path, np.eye(3))
+    >>> trimesh.load(path).vertices.shape
     (3, 3)
     """
     path = Path(path)

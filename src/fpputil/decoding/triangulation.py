@@ -1,7 +1,5 @@
 """Depth: absolute phase to points in space (chapter 6)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fpputil.optics.system import System
@@ -33,14 +31,9 @@ def triangulate(column: np.ndarray, system: System) -> np.ndarray:
         World coordinates, mm; NaN where the column is NaN, where ray and plane are parallel,
         where they meet behind the camera, or where a lens distorts too much to follow.
 
-    Raises
-    ------
-    ValueError
-        If the column map does not have the camera's size.
-
     Examples
     --------
-    >>> from fpputil.optics.system import preset
+    >>> from fpputil.optics import preset
     >>> system = preset("tiny").system
     >>> points = triangulate(system.columns_at(650.0), system)
     >>> points.shape, round(float(depth_of(points, system)[60, 80]), 6)
@@ -69,11 +62,10 @@ def points_of(Phi, pitch: float, system: System, mask=None) -> np.ndarray:
     Parameters
     ----------
     Phi : (H, W) array
-        Absolute phase of vertical fringes, radians.
+        Absolute phase of vertical fringes, radians, of the camera's size.
     pitch : float
         Projector pixels.
     system : System
-        Camera, projector and measuring range.
     mask : (H, W) bool array, optional
         Pixels that count; by default all whose phase is not NaN.
 
@@ -82,24 +74,17 @@ def points_of(Phi, pitch: float, system: System, mask=None) -> np.ndarray:
     (H, W, 3) float64 array
         World coordinates, mm; NaN outside the mask and the measuring range.
 
-    Raises
-    ------
-    ValueError
-        If the phase does not have the camera's size.
-
     Examples
     --------
-    >>> from fpputil.optics.system import preset
+    >>> from fpputil.optics import preset
     >>> tiny = preset("tiny")
     >>> Phi = 2 * np.pi * tiny.system.columns_at(650.0) / 24  # a plane, at pitch 24
     >>> points = points_of(Phi, 24, tiny.system)
     >>> points.shape, round(float(points[60, 80, 2]), 6)
     ((120, 160, 3), 650.0)
     """
-    Phi = np.asarray(Phi, np.float64)
-    points = triangulate(
-        column(Phi if mask is None else np.where(mask, Phi, np.nan), pitch), system
-    )
+    Phi = np.where(True if mask is None else mask, Phi, np.nan).astype(np.float64)
+    points = triangulate(column(Phi, pitch), system)
     z = depth_of(points, system)
     with np.errstate(invalid="ignore"):
         points[~((z >= system.z_min) & (z <= system.z_max))] = np.nan
@@ -115,14 +100,14 @@ def _meet(planes, rays, centre) -> np.ndarray:
     return centre + scale[..., None] * rays
 
 
-def _meet_bent(column, rays, centre, projector, rounds: int = 50) -> np.ndarray:
+def _meet_bent(column, rays, centre, projector) -> np.ndarray:
     """Points of columns (P,) that lens distortion bends; NaN where no point is found.
 
     The row decides how far the plane of light is bent, and follows from the point.
     """
     pose = np.column_stack([projector.R, projector.t])
     row = np.full_like(column, (projector.height - 1) / 2)
-    for _ in range(rounds):
+    for _ in range(50):
         local = projector.rays(np.stack([column, row], -1)) @ projector.R.T
         points = _meet(pose[0] - local[..., :1] * pose[2], rays, centre)
         moved = projector.project(points)

@@ -4,8 +4,6 @@ Functions of several frequencies take lists of phases (H, W) in radians and of p
 projector pixels. All but `nt_tpu` and `spatial` work on NumPy arrays and torch tensors alike.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -38,17 +36,9 @@ def absolute_phase(phi, K):
 def fringe_order(phi, Phi_ref, ratio: float):
     """K = round((ratio Phi_ref - phi) / 2 pi) (Eq. 6, 7). Chapter 4.
 
-    Parameters
-    ----------
-    phi : (...) array
-        Wrapped phase of the shorter pitch, radians.
-    Phi_ref : (...) array
-        Absolute phase of the longer pitch, radians.
-    ratio : float
-        Longer over shorter pitch (Eq. 5).
+    Of the wrapped phase of the shorter pitch and the absolute one of the longer, (...), radians;
+    `ratio` is the longer over the shorter pitch (Eq. 5).
 
-    Examples
-    --------
     >>> Phi_ref = 2 * np.pi * np.array([10.0, 400.0]) / 912  # columns 10 and 400 at pitch 912
     >>> phi = wrap(2 * np.pi * np.array([10.0, 400.0]) / 15)  # and at pitch 15
     >>> fringe_order(phi, Phi_ref, 912 / 15)
@@ -86,15 +76,8 @@ def unit_start(pitch: float, width: float) -> float:
 def guard_columns(sigma_phi: float, width: float) -> float:
     """Columns at either border that noise may throw to the other: 5 sigma_phi W / 2 pi. Chapter 4.
 
-    Parameters
-    ----------
-    sigma_phi : float
-        Phase noise of the unit frequency, radians.
-    width : float
-        Projector columns.
+    Of the phase noise of the unit frequency, radians, and the number of projector columns.
 
-    Examples
-    --------
     >>> round(guard_columns(0.02, 912), 1)
     14.5
     """
@@ -117,11 +100,6 @@ def mf_tpu(phis, pitches, width: float):
     -------
     list of P (...) arrays
         Absolute phases, radians; the last is the finest.
-
-    Raises
-    ------
-    ValueError
-        If the numbers differ, the pitches do not descend, or the first is too short.
 
     Examples
     --------
@@ -153,22 +131,8 @@ def mw_tpu(phis, pitches, width: float):
     until one remains; it must cover the projector, and unwraps its parents, and they theirs.
     Pitches that do not ascend, or whose last beat is too short, are refused.
 
-    Parameters
-    ----------
-    phis : sequence of P (...) arrays
-        Wrapped phases, radians.
-    pitches : sequence of P floats
-        Ascending.
-    width : float
-        Projector columns.
+    Arguments and result as of `mf_tpu`, in ascending order of the pitches.
 
-    Returns
-    -------
-    list of P (...) arrays
-        Absolute phases, radians, in the order given.
-
-    Examples
-    --------
     >>> pitches = (14, 15, 16)
     >>> phis = [wrap(2 * np.pi * np.array([10.0, 400.0]) / p) for p in pitches]
     >>> (mw_tpu(phis, pitches, 912)[0] * 14 / TWO_PI).round(6)
@@ -195,22 +159,9 @@ def nt_tpu(phis, pitches, width: int):
     that names the pair of orders, as long as the projector is no wider than the least common
     multiple of the pitches.
 
-    Parameters
-    ----------
-    phis : two (...) arrays
-        Wrapped phases, radians.
-    pitches : two ints
-        Projector pixels, in the order of the phases.
-    width : int
-        Projector columns.
+    Arguments and result as of `mf_tpu`, but for the two pitches, whole numbers in any order; NaN
+    where no pair of orders gives the number.
 
-    Returns
-    -------
-    list of two (...) arrays
-        Absolute phases, radians; NaN where no pair of orders gives the number.
-
-    Examples
-    --------
     >>> phis = [wrap(2 * np.pi * np.array([10.0, 400.0]) / p) for p in (28, 45)]
     >>> (nt_tpu(phis, (28, 45), 912)[0] * 28 / TWO_PI).round(6)
     array([ 10., 400.])
@@ -257,22 +208,9 @@ def _order_table(p, q):
 def spatial(phi, mask):
     """Spatial unwrapping by reliability sorting, through scikit-image. Chapter 4.
 
-    Each connected part keeps an unknown multiple of 2 pi.
+    Of a wrapped phase (H, W), radians, at the pixels of a bool mask (H, W) where it is not NaN;
+    NaN elsewhere. Each connected part keeps an unknown multiple of 2 pi.
 
-    Parameters
-    ----------
-    phi : (H, W) array
-        Wrapped phase, radians.
-    mask : (H, W) bool array
-        Pixels to unwrap; those whose phase is NaN are left out.
-
-    Returns
-    -------
-    (H, W) float64 array
-        NaN outside the mask.
-
-    Examples
-    --------
     >>> Phi = np.linspace(0, 8, 12).reshape(3, 4)
     >>> bool((spatial(wrap(Phi), np.ones((3, 4))) - Phi).std() < 1e-6)
     True

@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "sido": ["SIDO", "SIDOMethod"],
         "psnet": ["PSNet", "PSNetMethod"],
         "dlalnet": ["DLALNet", "DLALNetMethod"],
-        "methods": ["METHODS", "Method", "method_of", "settings_of"],
+        "methods": ["METHODS", "method_of", "settings_of"],
         "losses": [
             "Pixels",
             "Weights",
@@ -20,7 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "mean_squared",
         ],
         "geometry": ["Geometry"],
-        "targets": ["noiseless", "phase_of", "true_reference"],
+        "targets": ["Method", "noiseless", "phase_of", "true_reference"],
         "complexity": ["Cost", "cost"],
     },
 )

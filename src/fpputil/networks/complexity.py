@@ -1,7 +1,5 @@
 """What a network costs, measured on a forward pass of black photographs (chapter 8)."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """DLALNet: photographs of three pitches to numerator and denominator of each (chapter 9)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,7 +9,8 @@ from torch import Tensor, nn
 from fpputil.decoding.phase import wrapped_phase
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, Weights, mean_squared
-from fpputil.networks.unet import UNet, checked
+from fpputil.networks.targets import Method
+from fpputil.networks.unet import UNet
 from fpputil.optics.system import FREQUENCIES, STEPS, Frame
 
 NAMES = ("high", "mid", "unit")
@@ -37,15 +36,10 @@ class DLALNet(nn.Module):
 
 
 @dataclass(frozen=True)
-class DLALNetMethod:
+class DLALNetMethod(Method):
     """DLALNet: step 0 at the high, mid and unit pitch, each to its M and D.
 
-    Parameters
-    ----------
-    base, levels, dropout
-        As of `SFNet`.
-    weights : Weights, optional
-        None for the plain squared error, as in the paper; otherwise the losses of SFNet.
+    Without `weights` its loss is the plain squared error, as in the paper; with them it is SFNet's.
     """
 
     base: int = 12
@@ -56,16 +50,8 @@ class DLALNetMethod:
     photographs: ClassVar[tuple[Frame, ...]] = tuple((name, STEPS, 0) for name in NAMES)
     reference: ClassVar[str] = "unit"
 
-    def __post_init__(self):
-        checked(self)
-
     def network(self) -> nn.Module:
-        """The network, its weights drawn from torch's generator."""
         return DLALNet(self.base, self.levels, self.dropout)
-
-    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
-        """What the network sees of photographs (B, 3, H, W): those."""
-        return frames
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi of the high and of the unit pitch, radians, of outputs (B, 3, 2, ...) (Eq. 3)."""

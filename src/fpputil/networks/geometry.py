@@ -46,27 +46,24 @@ class Geometry:
         torch.Size([120, 160])
         """
         lowest = {
-            name: minimum_phase(system, pitch, ambiguous=name in ("high", "mid"))
+            name: torch.as_tensor(minimum_phase(system, pitch, ambiguous=name in ("high", "mid")))
             for name, pitch in pitches._asdict().items()
         }
         z = system.z_max
         plane = TWO_PI * np.where(system.lit_at(z), system.columns_at(z), np.nan) / pitches.high
-        tensors = {k: torch.as_tensor(v, dtype=torch.float32) for k, v in lowest.items()}
-        plane = torch.as_tensor(plane, dtype=torch.float32)
-        return cls(system, pitches, tensors, plane, tuple(extremes))
+        geometry = cls(system, pitches, lowest, torch.as_tensor(plane), tuple(extremes))
+        return geometry.to(torch.float32)
 
     def to(self, device) -> Geometry:
-        """The same geometry with its tensors on a device."""
+        """The same geometry with its tensors on a device, or of a dtype."""
         lowest = {k: v.to(device) for k, v in self.Phi_min.items()}
         return replace(self, Phi_min=lowest, Phi_plane=self.Phi_plane.to(device))
 
-    def absolute_phase(self, phi_h, phi, Phi_min=None, name: str = "zmin"):
-        """Phi of the high pitch from its wrapped phase and that of a lower one (Eq. 9, 4, 6).
+    def absolute_phase(self, phi_h, phi, Phi_min, name: str = "zmin"):
+        """Phi of the high pitch from its wrapped phase and that of a lower one, by name (Eq. 9, 6).
 
-        The lower pitch is that of `name`; its minimum phase is needed where the phases are not
-        whole pictures.
+        The minimum phase of the lower is given, as the phases need not be whole pictures.
         """
-        Phi_min = self.Phi_min[name] if Phi_min is None else Phi_min
         low = getattr(self.pitches, name)
         return two_phase_absolute(phi_h, phi, Phi_min, self.pitches.high, low)
 

@@ -99,12 +99,8 @@ def consistency(pixels: Pixels, phi: Tensor, Phi: Tensor) -> Tensor:
     >>> consistency(pixels, wrap(Phi), Phi).round(decimals=4)
     tensor([0.])
     """
-
-    def direction(pair):
-        a, b = pair
-        return pixels.mean(wrap((phi[b] - phi[a]) - (Phi[b] - Phi[a])) ** 2, a)
-
-    return direction(pixels.across) + direction(pixels.down)
+    pairs = (pixels.across, pixels.down)
+    return sum(pixels.mean(wrap((phi[b] - phi[a]) - (Phi[b] - Phi[a])) ** 2, a) for a, b in pairs)
 
 
 def geometric(pixels: Pixels, Phi: Tensor, *, mean: bool = False) -> Tensor:

@@ -1,19 +1,13 @@
-"""Methods: which photographs go in, what should come out, how it becomes phase (ch. 8 and 9)."""
-
-from __future__ import annotations
+"""Methods by name, and as JSON holds them (chapters 8 and 9)."""
 
 from dataclasses import asdict, fields
-from typing import Protocol
-
-from torch import Tensor, nn
 
 from fpputil.networks.dlalnet import DLALNetMethod
-from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
 from fpputil.networks.psnet import PSNetMethod
 from fpputil.networks.sfnet import SFNetMethod
 from fpputil.networks.sido import SIDOMethod
-from fpputil.optics.system import Frame
+from fpputil.networks.targets import Method
 
 METHODS = {
     "sfnet": SFNetMethod,
@@ -21,36 +15,6 @@ METHODS = {
     "psnet": PSNetMethod,
     "dlalnet": DLALNetMethod,
 }
-
-
-class Method(Protocol):
-    """What training, evaluation and prediction ask of a method: a frozen dataclass of settings.
-
-    Parameters
-    ----------
-    photographs : tuple of (frequency, steps, step)
-        What is photographed, as `SynthFringe` names it.
-    reference : str or None
-        Frequency of the second wrapped phase, "refined" for the refined reference.
-    """
-
-    photographs: tuple[Frame, ...]
-    reference: str | None
-
-    def network(self) -> nn.Module:
-        """The network, its weights drawn from torch's generator."""
-
-    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
-        """What the network sees of photographs (B, F, H, W)."""
-
-    def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
-        """Losses of each image by name, (B,) each; "total" is the one to minimise."""
-
-    def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor | None]:
-        """Wrapped phases (B, ...) of its outputs, radians: of the high pitch, of `reference`."""
-
-    def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
-        """Phi of the high pitch, radians, (B, H, W)."""
 
 
 def settings_of(method: Method) -> dict:

@@ -1,7 +1,5 @@
 """PSNet: one photograph of a pitch to the others of its phase shift (chapter 9)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,30 +8,24 @@ from torch import Tensor, nn
 
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, mean_squared
-from fpputil.networks.targets import noiseless, phase_of
-from fpputil.networks.unet import UNet, checked, taken
+from fpputil.networks.targets import Method, noiseless, phase_of
+from fpputil.networks.unet import UNet, taken
 from fpputil.optics.system import STEPS, Frame
 
 
 class PSNet(nn.Module):
     """Two networks side by side, one for each pitch, that share nothing. Section 6.2; chapter 9.
 
-    Parameters
-    ----------
-    steps : int
-        Of the phase shifting: one photograph goes in, the others come out.
-    base, levels, dropout
-        As of `SFNet`.
+    Of each, one photograph goes in and the others of its phase shift come out. Options as of
+    `SFNet`.
 
-    Examples
-    --------
     >>> PSNet(base=2, levels=2)(torch.zeros(1, 2, 12, 16)).shape
     torch.Size([1, 2, 15, 12, 16])
     """
 
-    def __init__(self, steps: int = 15, base: int = 8, levels: int = 6, dropout: float = 0.1):
+    def __init__(self, base: int = 8, levels: int = 6, dropout: float = 0.1):
         super().__init__()
-        self.nets = nn.ModuleList(UNet(1, (steps - 1,), base, levels, dropout) for _ in range(2))
+        self.nets = nn.ModuleList(UNet(1, (STEPS - 1,), base, levels, dropout) for _ in range(2))
         self.frames = (1, 1)
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -44,7 +36,7 @@ class PSNet(nn.Module):
 
 
 @dataclass(frozen=True)
-class PSNetMethod:
+class PSNetMethod(Method):
     """PSNet: step 0 at the high and at the unit pitch, each to all steps of it.
 
     Its loss counts each photograph, and each difference of two neighbouring steps, the last and
@@ -59,16 +51,8 @@ class PSNetMethod:
     photographs: ClassVar[tuple[Frame, ...]] = (("high", STEPS, 0), ("unit", STEPS, 0))
     reference: ClassVar[str] = "unit"
 
-    def __post_init__(self):
-        checked(self)
-
     def network(self) -> nn.Module:
-        """Both networks, their weights drawn from torch's generator."""
-        return PSNet(STEPS, self.base, self.levels, self.dropout)
-
-    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
-        """What the networks see of photographs (B, 2, H, W): those."""
-        return frames
+        return PSNet(self.base, self.levels, self.dropout)
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi of the high and of the unit pitch, radians, of outputs (B, 2, steps, ...)."""

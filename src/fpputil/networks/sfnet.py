@@ -1,7 +1,5 @@
 """SFNet, the symmetric fusion network: two photographs to two wrapped phases (chapter 8)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import torch
@@ -11,11 +9,10 @@ from fpputil.checks import whole
 from fpputil.decoding.phase import wrapped_phase
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, Weights
-from fpputil.networks.targets import true_reference
+from fpputil.networks.targets import Method, true_reference
 from fpputil.networks.unet import (
     Decoder,
     Encoder,
-    checked,
     dropout_of,
     initialise,
     padded,
@@ -93,19 +90,18 @@ class SFNet(nn.Module):
         room = padded(frames, 2 ** (len(self.encoders[0].levels) - 1))
         parts = room.split(self.frames, 1)
         pyramids = [encoder(part) for encoder, part in zip(self.encoders, parts, strict=True)]
-        deepest = len(pyramids[0]) - 1
-        mixed = {"none": (), "deepest": (deepest,), "every level": range(deepest + 1)}[self.mixing]
-        pairs = enumerate(zip(*pyramids, strict=True))
-        joined = [torch.cat(pair, 1) if k in mixed else None for k, pair in pairs]
+        levels = len(pyramids[0])
+        alone = {"none": levels, "deepest": levels - 1, "every level": 0}[self.mixing]
+        joined = [torch.cat(pair, 1) for pair in zip(*(p[alone:] for p in pyramids), strict=True)]
         outputs = []
         for decoder, pyramid in zip(self.decoders, pyramids, strict=True):
-            *skips, deepest = (p if j is None else j for p, j in zip(pyramid, joined, strict=True))
+            *skips, deepest = pyramid[:alone] + joined
             outputs.append(decoder(self.dropout(deepest), skips))
         return torch.stack(outputs, 1)[..., :height, :width]
 
 
 @dataclass(frozen=True)
-class SFNetMethod:
+class SFNetMethod(Method):
     """SFNet: photographs of two pitches to M and D of the high pitch and the refined reference.
 
     Parameters
@@ -150,7 +146,7 @@ class SFNetMethod:
             )
         if not isinstance(self.weights, Weights):
             raise ValueError(f"weights {self.weights!r} given; SFNet needs those of its losses")
-        checked(self)
+        super().__post_init__()
 
     @property
     def photographs(self) -> tuple[Frame, ...]:
@@ -159,14 +155,9 @@ class SFNetMethod:
         return tuple((name, *shot) for name in pitches for shot in SHIFTS[self.frames])
 
     def network(self) -> nn.Module:
-        """The network, its weights drawn from torch's generator."""
         outputs = 2 if self.target == "components" else 1
         pair = (self.frames, self.frames)
         return SFNet(pair, self.base, self.levels, self.dropout, self.mixing, outputs)
-
-    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
-        """What the network sees of photographs (B, F, H, W): those."""
-        return frames
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi_h and phi_r, radians, of outputs (B, 2, 2 or 1, ...), each (B, ...) (Eq. 3)."""
@@ -189,7 +180,7 @@ class SFNetMethod:
         return geometry.absolute_phase(phi_h, phi, Phi_min, name)
 
     def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
-        """Losses of each image by name, (B,) each; "total" is the one to minimise (Eq. 12-15)."""
+        """Losses of each image by name (Eq. 12-15)."""
         pixels = Pixels.of(batch["mask"])
         inside = pixels.of_images(outputs)  # (P, 2, 2 or 1)
         phi_h, phi = self.phases(inside)

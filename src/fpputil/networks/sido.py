@@ -1,7 +1,5 @@
 """SIDO: one photograph to five, and a coarse absolute phase for the order (chapter 9)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,8 +9,8 @@ from torch import Tensor, nn
 from fpputil.decoding.unwrap import absolute_phase, fringe_order
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, mean_squared
-from fpputil.networks.targets import noiseless, phase_of
-from fpputil.networks.unet import UNet, checked
+from fpputil.networks.targets import Method, noiseless, phase_of
+from fpputil.networks.unet import UNet
 from fpputil.optics.system import STEPS, Frame
 
 PREDICTED = 5
@@ -22,15 +20,9 @@ PREDICTED = 5
 class SIDO(nn.Module):
     """Single input, double output: one encoder, two decoders. Section 6.2 of the paper; chapter 9.
 
-    Parameters
-    ----------
-    plane : bool
-        Whether a photograph of the reference plane goes in beside that of the object.
-    base, levels, dropout
-        As of `SFNet`.
+    With `plane`, a photograph of the reference plane goes in beside that of the object. Other
+    options as of `SFNet`.
 
-    Examples
-    --------
     >>> SIDO(base=2, levels=2)(torch.zeros(1, 2, 12, 16)).shape
     torch.Size([1, 6, 12, 16])
     """
@@ -46,18 +38,13 @@ class SIDO(nn.Module):
 
 
 @dataclass(frozen=True)
-class SIDOMethod:
+class SIDOMethod(Method):
     """SIDO: a photograph of the high pitch to five of its steps and a coarse absolute phase.
 
     The coarse phase is that of the unit pitch, so both decoders answer in numbers of order one.
     The paper does not say at which pitch, nor how the two losses are weighed: ours.
 
-    Parameters
-    ----------
-    plane : bool
-        Whether a photograph of the empty plane z_max goes in beside that of the object.
-    base, levels, dropout
-        As of `SFNet`.
+    With `plane`, a photograph of the empty plane z_max goes in beside that of the object.
     """
 
     plane: bool = True
@@ -68,11 +55,7 @@ class SIDOMethod:
     photographs: ClassVar[tuple[Frame, ...]] = (("high", STEPS, 0),)
     reference: ClassVar[None] = None
 
-    def __post_init__(self):
-        checked(self)
-
     def network(self) -> nn.Module:
-        """The network, its weights drawn from torch's generator."""
         return SIDO(self.plane, self.base, self.levels, self.dropout)
 
     def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:

@@ -1,14 +1,49 @@
-"""Photographs as targets, phases of predicted ones, and true phases (chapter 9)."""
+"""What a method answers to, its photographs as targets, and true phases (chapters 8 and 9)."""
 
-from __future__ import annotations
+from typing import Protocol
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from fpputil.decoding.phase import numerator_denominator, wrapped_phase
 from fpputil.decoding.unwrap import TWO_PI
 from fpputil.networks.geometry import Geometry
-from fpputil.optics.system import FREQUENCIES
+from fpputil.optics.system import FREQUENCIES, Frame
+
+
+class Method(Protocol):
+    """What training, evaluation and prediction ask of a method: a frozen dataclass of settings.
+
+    Parameters
+    ----------
+    photographs : tuple of (frequency, steps, step)
+        What is photographed, as `SynthFringe` names it.
+    reference : str or None
+        Frequency of the second wrapped phase, "refined" for the refined reference.
+    """
+
+    photographs: tuple[Frame, ...]
+    reference: str | None
+
+    def __post_init__(self):
+        with torch.device("meta"):  # refuses wrong options before any memory is taken
+            self.network()
+
+    def network(self) -> nn.Module:
+        """The network, its weights drawn from torch's generator."""
+
+    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
+        """What the network sees of photographs (B, F, H, W): those, if nothing else is said."""
+        return frames
+
+    def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
+        """Losses of each image by name, (B,) each; "total" is the one to minimise."""
+
+    def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor | None]:
+        """Wrapped phases (B, ...) of its outputs, radians: of the high pitch, of `reference`."""
+
+    def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
+        """Phi of the high pitch, radians, (B, H, W)."""
 
 
 def noiseless(batch: dict, name: str, steps: int, geometry: Geometry) -> Tensor:

@@ -1,7 +1,5 @@
 """Blocks that every network here is built of: encoder, decoder, room for any size (chapter 8)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from copy import deepcopy
 
@@ -59,19 +57,10 @@ class Decoder(nn.Module):
 
 
 class UNet(nn.Module):
-    """One encoder, and for each group of outputs a decoder of its own. Chapter 9.
+    """One encoder of so many frames, and for each number of outputs a decoder. Chapter 9.
 
-    Parameters
-    ----------
-    frames : int
-        Photographs that go in.
-    outputs : sequence of int
-        Channels that each decoder ends in.
-    base, levels, dropout
-        As of `SFNet`.
+    Other options as of `SFNet`.
 
-    Examples
-    --------
     >>> network = UNet(3, (6, 1), base=2, levels=2, dropout=0.1)
     >>> [tuple(maps.shape) for maps in network(torch.zeros(1, 3, 12, 16))]
     [(1, 6, 12, 16), (1, 1, 12, 16)]
@@ -142,9 +131,3 @@ def lowered(network: nn.Module, dtype: torch.dtype) -> nn.Module:
         if isinstance(part, Decoder):
             part.out.float()
     return copy
-
-
-def checked(method) -> None:
-    """Raise where options of a method's network are wrong, before any memory is taken for it."""
-    with torch.device("meta"):
-        method.network()

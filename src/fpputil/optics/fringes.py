@@ -1,7 +1,5 @@
 """Fringe patterns: what the projector shows (Eq. 1; chapter 1)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Integral
@@ -136,17 +134,8 @@ class Fringe:
 def fringe_set(pitches: Iterable[float], steps: int | Iterable[int] = 15, **options):
     """Fringes of several pitches, a tuple of `Fringe`, as temporal unwrapping needs them.
 
-    Parameters
-    ----------
-    pitches : sequence of float
-        Projector pixels per period.
-    steps : int or sequence of int
-        Steps of all, or of each, pitch.
-    **options
-        Of every `Fringe`.
+    Pitches in projector pixels per period, steps of all or of each; `options` of every `Fringe`.
 
-    Examples
-    --------
     >>> [f.pitch for f in fringe_set((912, 114, 15))]
     [912, 114, 15]
     """

@@ -3,8 +3,6 @@
 Pixel centres lie at integer coordinates, as in OpenCV.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import cv2
@@ -52,10 +50,8 @@ class Pinhole:
             value.flags.writeable = False
             object.__setattr__(self, name, value)
         K, R, t, distortion = self.K, self.R, self.t, self.distortion
-        if K.shape != (3, 3) or R.shape != (3, 3) or t.shape != (3,):
-            raise ValueError(
-                f"K {K.shape}, R {R.shape}, t {t.shape} given; they are (3, 3), (3, 3) and (3,)"
-            )
+        if K.shape != (3, 3) or t.shape != (3,):
+            raise ValueError(f"K {K.shape}, t {t.shape} given; they are (3, 3) and (3,)")
         whole("width", self.width, 1)
         whole("height", self.height, 1)
         if not all(np.isfinite(a).all() for a in (K, R, t, distortion)):
@@ -100,15 +96,8 @@ class Pinhole:
     def rays(self, pixels: np.ndarray | None = None) -> np.ndarray:
         """Directions (..., 3), in the world, of the rays through pixels; z is 1 in its own frame.
 
-        Parameters
-        ----------
-        pixels : (..., 2) array, optional
-            u and v; by default the (H, W, 2) grid of all pixel centres.
-
-        Returns
-        -------
-        (..., 3) float64 array
-            ``centre + s * rays`` are the points seen; NaN where the distortion leaves no ray.
+        Of u and v, (..., 2); by default of all pixel centres, (H, W, 2). ``centre + s * rays`` are
+        the points seen; NaN where the distortion leaves no ray.
         """
         pixels = self.grid() if pixels is None else np.asarray(pixels, np.float64)
         xy = (pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T
@@ -119,10 +108,8 @@ class Pinhole:
 
     def _distort(self, xy):
         """Distort normalised coordinates (..., 2); NaN stays NaN."""
-        pose = np.zeros(3), np.zeros(3), np.eye(3), self.distortion
-        return _where_known(
-            xy, lambda flat: cv2.projectPoints(np.insert(flat, 2, 1.0, axis=1), *pose)[0]
-        )
+        lens = np.zeros(3), np.zeros(3), np.eye(3), self.distortion
+        return _where_known(xy, lambda flat: cv2.projectPoints(np.insert(flat, 2, 1, 1), *lens)[0])
 
     def _undistort(self, xy):
         """Undistort normalised coordinates (..., 2); NaN stays NaN."""
@@ -163,16 +150,8 @@ def camera_matrix(focal: float, width: int, height: int) -> np.ndarray:
 def looking(look_from, look_at, size: tuple[int, int], angle: float) -> Pinhole:
     """The pinhole of a viewer at one point, mm, who looks at another, the world's -y up.
 
-    Parameters
-    ----------
-    look_from, look_at : (3,) arrays
-    size : (width, height)
-        Pixels.
-    angle : float
-        Vertical field of view, degrees.
+    `size` is (width, height), pixels; `angle` the vertical field of view, degrees.
 
-    Examples
-    --------
     >>> eye = looking((100, 0, 0), (100, 0, 500), (320, 240), angle=30)
     >>> eye.project([100, 0, 500]).tolist()
     [159.5, 119.5]

@@ -1,7 +1,5 @@
 """Mesh and system to view, by Embree's ray casting (chapter 2)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -52,8 +50,8 @@ def raycast(
     """See a mesh through a system: one ray a pixel, one shadow ray back to the projector.
 
     A pixel is in the mask if its ray meets the outside of a face that the projector lights:
-    facing it, within its image, and not in the shadow of another face. The measuring range of the
-    system is not asked.
+    facing it, within its image, and not in the shadow of another face; a view without such a pixel
+    is refused. The measuring range of the system is not asked.
 
     Parameters
     ----------
@@ -68,11 +66,6 @@ def raycast(
         Distance from the projector, mm, at which a white face square to the light reads 255.
     supersample : int
         s casts s x s rays a pixel, so that pixels on an edge mix what they see.
-
-    Raises
-    ------
-    ValueError
-        If the mesh lies outside the view, or no pixel of it is lit.
 
     Examples
     --------
@@ -123,7 +116,8 @@ def _cast(tree, system, albedo, specular, shininess, white_at) -> View:
     hit, face, points, normal, pixel = (a[lit] for a in (hit, face, points, normal, pixel))
     beam, distance, cosine, rays = (a[lit] for a in (beam, distance, cosine, rays))
 
-    shade = _albedo(albedo, points, face, len(tree.faces)) * cosine
+    value = reflectance(albedo, len(tree.faces), points)
+    shade = (value[face] if value.ndim and not callable(albedo) else value) * cosine
     if specular:
         half = -_unit(_unit(beam) + _unit(rays))
         shade = shade + specular * np.clip(_dot(normal, half), 0, 1) ** shininess
@@ -145,16 +139,18 @@ def _run(scene, origin, directions, query, far=None) -> np.ndarray:
     return scene.run(origins, directions.astype(np.float32), far, query=query)
 
 
-def _albedo(albedo: Albedo, points, face, faces: int) -> np.ndarray:
+def reflectance(albedo: Albedo, faces: int, points: np.ndarray | None = None) -> np.ndarray:
+    """Albedo as float64: (), (F,), or (P,) if it is a function of points (P, 3), mm."""
     value = np.asarray(albedo(points) if callable(albedo) else albedo, np.float64)
-    needed = [(len(points),)] if callable(albedo) else [(), (faces,)]
-    if value.shape not in needed:
+    if value.shape not in ([(len(points),)] if callable(albedo) else [(), (faces,)]):
         raise ValueError(
             f"albedo of shape {value.shape} given; it is a number, one for each of the {faces} "
             "faces, or a function of points (P, 3) that returns (P,)"
         )
-    value = value[face] if value.shape == (faces,) and not callable(albedo) else value
-    check_reflectance(value)
+    if not (np.isfinite(value) & (value >= 0)).all():
+        raise ValueError(
+            "albedo with NaN, infinite or negative values given; all must be 0 or more"
+        )
     return value
 
 
@@ -162,14 +158,6 @@ def outside_view(vertices: np.ndarray) -> ValueError:
     """The error for a mesh, vertices (V, 3), mm, that no ray of the camera meets."""
     low, high = (f(vertices, axis=0).round(1).tolist() for f in (np.min, np.max))
     return ValueError(f"mesh from {low} to {high} mm given; it lies outside the view of the camera")
-
-
-def check_reflectance(albedo: np.ndarray) -> None:
-    """ValueError unless every albedo is finite and 0 or more."""
-    if not (np.isfinite(albedo) & (albedo >= 0)).all():
-        raise ValueError(
-            "albedo with NaN, infinite or negative values given; all must be 0 or more"
-        )
 
 
 def _dot(a, b):

@@ -3,8 +3,6 @@
 Lengths in mm, vertices (V, 3); the camera is the world: x right, y down, z forward (Chapter 2).
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -36,19 +34,10 @@ def sphere(
 ) -> trimesh.Trimesh:
     """Closed sphere with its vertices on the surface, facets inside it. Chapters 2 and 6.
 
-    Parameters
-    ----------
-    radius : float
-        Radius in mm.
-    centre : (3,) array_like
-        Centre in mm.
-    subdivisions : int
-        Each quarters the facets of an icosahedron: 20 * 4**subdivisions faces. A facet lies
-        inside the sphere by at most 0.30 * 4**-subdivisions of the radius, on average 0.18: the
-        default, 81920 faces of radius 100 mm, by at most 0.0071 and on average 0.0045 mm.
+    Radius and centre in mm. Each of `subdivisions` quarters the facets of an icosahedron, which
+    makes ``20 * 4**subdivisions`` faces. They lie inside the sphere by at most 0.30, on average
+    0.18, ``* 4**-subdivisions`` of the radius: the default, 100 mm, by at most 0.0071 and 0.0045.
 
-    Examples
-    --------
     >>> ball = sphere(100, (0, 0, 680), subdivisions=3)
     >>> ball.faces.shape, round(ball.bounds[0, 2])
     ((1280, 3), 580)
@@ -62,14 +51,9 @@ def sphere(
 def plane(z: float, half_width: float = 300.0, half_height: float | None = None) -> trimesh.Trimesh:
     """Plane at depth ``z`` mm, facing the camera: two triangles of normal (0, 0, -1). Chapter 2.
 
-    Parameters
-    ----------
-    half_width, half_height : float
-        Extent on either side of the optical axis in mm; the height is 3/4 of the width unless
-        given. The defaults fill the presets' view up to z = 1000 mm.
+    Half its width and height in mm on either side of the optical axis, the height 3/4 of the width
+    unless given. The defaults fill the presets' view up to z = 1000 mm.
 
-    Examples
-    --------
     >>> plane(660).extents.tolist()
     [600.0, 450.0, 0.0]
     """
@@ -89,17 +73,9 @@ def step_block(
 ) -> trimesh.Trimesh:
     """Stairs, closed, facing the camera on the optical axis, from left to right. Chapter 6.
 
-    Parameters
-    ----------
-    heights : (K,) array_like
-        Height of each step above the back face in mm: step k is the plane z - heights[k].
-    width, length : float
-        Extent of one step along x, and of all along y, in mm.
-    z : float
-        Depth of the back face in mm.
+    All in mm: heights of the steps above the back face at depth `z`, so that step k is the plane
+    ``z - heights[k]``; the width of one step along x, and the length of all along y.
 
-    Examples
-    --------
     >>> step_block((10, 30), width=40, length=120).extents.round(6).tolist()
     [80.0, 120.0, 30.0]
     """
@@ -145,18 +121,9 @@ def place(
     All three act on the ball around the mesh: the smallest one that has its centre in the
     middle of the bounding box. It does not change with the pose, and neither does the scale.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-    size : float, optional
-        Diameter of the ball in mm; None keeps the scale.
-    centre : (3,) array_like
-        Where the centre of the ball goes, mm.
-    rotation : (3, 3) array_like, optional
-        As from `rotation` or out of `rotations`; None keeps the pose.
+    `size` is the diameter of the ball, mm, and None keeps it; `centre` is where its centre goes,
+    mm; `rotation`, (3, 3), is as from `rotation` or out of `rotations`, and None keeps the pose.
 
-    Examples
-    --------
     >>> ball = place(sphere(subdivisions=2), size=50, rotation=rotation(60, 120))
     >>> ball.bounds.mean(axis=0).round().tolist(), round(ball.extents.max())
     ([0.0, 0.0, 650.0], 50)
@@ -171,11 +138,9 @@ def place(
     return trimesh.Trimesh(vertices, mesh.faces, process=False)
 
 
-def views(
-    mesh: trimesh.Trimesh, size: float | None = SIZE, centre: ArrayLike = CENTRE
-) -> Iterator[trimesh.Trimesh]:
-    """The mesh placed in each of the 36 poses of `rotations`; arguments as for `place`."""
-    return (place(mesh, size, centre, turn) for turn in rotations())
+def views(mesh: trimesh.Trimesh) -> Iterator[trimesh.Trimesh]:
+    """The mesh placed in each of the 36 poses of `rotations`."""
+    return (place(mesh, rotation=turn) for turn in rotations())
 
 
 def texture(seed: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -223,27 +188,13 @@ def formats() -> list[str]:
 def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
     """Read a mesh file as one mesh, in its own coordinates and units. Chapter 2.
 
-    Parameters
-    ----------
-    path : path
-        A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF, a scene as one
-        mesh; or NPZ with ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models.
+    A local file of any mesh format trimesh reads: STL, OBJ, PLY, OFF, GLB, glTF, a scene as one
+    mesh; or NPZ with ``vertices`` (V, 3) and ``facets`` (F, 3), as Thingi10K stores its models.
+    Equal vertices are merged, faces that they leave without area dropped; colours are not read.
 
-    Returns
-    -------
-    trimesh.Trimesh
-        Equal vertices merged, faces that they leave without area dropped; no colours.
+    A file that is cut, has no faces, or a vertex that is not finite, is refused. But an OBJ file
+    promises nothing: cut off between two lines, it reads as a smaller mesh.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the format is unknown, the file is cut or has no faces, or a vertex is not finite. An
-        OBJ file promises nothing: cut off between two lines, it reads as a smaller mesh.
-
-    Examples
-    --------
     >>> path = getfixture("tmp_path") / "ball.ply"
     >>> _ = sphere(subdivisions=2).export(path)
     >>> load_mesh(path).faces.shape
@@ -282,8 +233,7 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
     """Raise ValueError, in the mesh's ``name``, unless it has faces and finite vertices."""
     if len(mesh.faces) == 0:
         raise ValueError(f"{name} has no faces; a mesh needs at least one triangle")
-    bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
-    if bad:
+    if bad := int((~np.isfinite(mesh.vertices)).any(axis=1).sum()):
         raise ValueError(
             f"{name} has {bad} NaN or infinite vertices of {len(mesh.vertices)}; all must be finite"
         )

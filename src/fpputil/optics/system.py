@@ -98,8 +98,9 @@ class System:
         columns = self.columns_at(z)
         return (columns >= -0.5) & (columns <= self.projector.width - 0.5)
 
-    def columns_per_mm(self, z: float | np.ndarray, step: float = 0.1) -> np.ndarray:
+    def columns_per_mm(self, z: float | np.ndarray) -> np.ndarray:
         """Sensitivity ``|d column / d z|`` at depth z, (H, W), projector pixels per mm."""
+        step = 0.1  # mm
         return np.abs(self.columns_at(z + step) - self.columns_at(z - step)) / (2 * step)
 
     def mirrored(self) -> System:
@@ -197,11 +198,12 @@ def _is_yaml(path: Path) -> bool:
 
 def system_to_dict(system: System) -> dict:
     """A system as plain numbers, as JSON holds it."""
-    pinholes = {"camera": system.camera, "projector": system.projector}
-    plain = {
-        k: {n: np.asarray(getattr(p, n)).tolist() for n in PINHOLE} for k, p in pinholes.items()
-    }
-    return {**plain, "z_min": system.z_min, "z_max": system.z_max}
+
+    def plain(pinhole):
+        return {name: np.asarray(getattr(pinhole, name)).tolist() for name in PINHOLE}
+
+    reach = {"z_min": system.z_min, "z_max": system.z_max}
+    return {"camera": plain(system.camera), "projector": plain(system.projector), **reach}
 
 
 def system_from_dict(data: dict) -> System:
@@ -215,12 +217,11 @@ def system_from_dict(data: dict) -> System:
 
 def _to_yaml(system: System) -> str:
     store = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
-    for name in ("camera", "projector"):
-        pinhole = getattr(system, name)
+    for name, pinhole in (("camera", system.camera), ("projector", system.projector)):
         for entry in PINHOLE[:-1] if pinhole.distortion.size == 0 else PINHOLE:
             store.write(f"{name}_{entry}", getattr(pinhole, entry))
-    for name in ("z_min", "z_max"):
-        store.write(name, getattr(system, name))
+    store.write("z_min", system.z_min)
+    store.write("z_max", system.z_max)
     return store.releaseAndGetString()
 
 
@@ -251,6 +252,6 @@ def load_system(name: str | os.PathLike) -> System:
     >>> load_system(path).camera.width
     160
     """
-    if Path(name).suffix in (".json", ".yml", ".yaml"):
+    if Path(name).suffix:
         return System.load(name)
     return preset(name).system

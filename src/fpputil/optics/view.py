@@ -63,17 +63,9 @@ class View:
     ) -> np.ndarray:
         """Photograph the view under one fringe or a set of them.
 
-        Parameters
-        ----------
-        fringes : Fringe or sequence of Fringe
-            The projected patterns, in the order of the frames.
-        steps : sequence of int, optional
-            Which steps of each fringe to photograph; all by default.
-        noise, seed, **camera
-            As of `photograph`, as is the result.
+        The frames, (N, H, W), are in the order of the fringes; of each, all `steps` or those named.
+        Other arguments as of `photograph`.
 
-        Examples
-        --------
         >>> flat = np.ones((2, 3))
         >>> view = View(column=0 * flat, row=flat, shade=flat, depth=600 * flat, mask=flat > 0)
         >>> view.frames(Fringe(912, steps=4))[:, 0, 0].tolist()

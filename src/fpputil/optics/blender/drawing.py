@@ -1,7 +1,5 @@
 """Pictures of the rig itself, as Blender shows it (chapter 2; the paper's Fig. 6 b)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,11 +34,9 @@ def picture(
         ``("gold", 0.1)``, makes a veil of light, which shines and throws no shadow.
     look_from, look_at, size, angle
         As for `fpputil.optics.pinhole.looking`.
-    projector : Pinhole, optional
-        Throws step 0 of `fringe` on the bodies. A body around the projector's centre, such as
-        its housing or the edges of its light, throws no shadow.
-    fringe : Fringe, optional
-        Needed with a projector.
+    projector, fringe : Pinhole, Fringe, optional
+        Both or none: step 0 of the fringe is thrown on the bodies. A body around the projector's
+        centre, such as its housing or the edges of its light, throws no shadow.
     white_at : float
         Distance from the projector, mm, at which a white face square to the light reads 255.
     samples : int
@@ -50,11 +46,6 @@ def picture(
     -------
     (H, W, 3) uint8 array
         On white.
-
-    Raises
-    ------
-    ValueError
-        If a projector comes without a fringe.
     """
     if not bodies:
         raise ValueError("no body given; a picture needs at least one")

@@ -3,8 +3,6 @@
 `fpputil.optics.blender` photographs them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 

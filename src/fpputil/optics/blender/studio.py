@@ -4,8 +4,6 @@ Blender's world is the system's world in metres; only the local axes of its came
 differ (see `fpputil.optics.system.from_blender`).
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import os

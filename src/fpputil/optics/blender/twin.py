@@ -1,7 +1,5 @@
 """A mesh and a system photographed by Cycles, as the ray caster sees them (chapter 2)."""
 
-from __future__ import annotations
-
 import os
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
@@ -16,7 +14,7 @@ from fpputil.checks import positive, whole
 from fpputil.files import write_arrays
 from fpputil.optics.blender import shaders, studio
 from fpputil.optics.fringes import WHITE, Fringe
-from fpputil.optics.raycasting import check_reflectance, outside_view
+from fpputil.optics.raycasting import outside_view, reflectance
 from fpputil.optics.shapes import check_mesh
 from fpputil.optics.system import System
 from fpputil.optics.view import View
@@ -34,29 +32,13 @@ def photograph(
 ) -> np.ndarray:
     """Photograph a mesh under fringes, one picture of Cycles for each pattern, as the paper does.
 
-    The twin of ``raycast(mesh, system, albedo=..., white_at=...).frames(fringes)``.
+    The twin of ``raycast(mesh, system, albedo=..., white_at=...).frames(fringes)``, (N, H, W),
+    uint8 or, not quantised, float64. Other arguments are as of `see`; the fringes have no defocus.
 
-    Parameters
-    ----------
-    mesh, system, albedo, white_at
-        As of `see`.
-    fringes : Fringe or sequence of Fringe
-        The projected patterns, in the order of the frames; without defocus.
-    samples : int
-        1 looks through the centre of each pixel, as the ray caster does. More are spread by
-        Cycles' own filter, 1.5 pixels wide: neighbours mix, as in a real camera, and it is noise.
-    quantise : bool
-        True for uint8, False for float64.
-
-    Returns
-    -------
-    (N, H, W) array
-        N is the number of steps of all fringes together.
-
-    Notes
-    -----
-    Ray caster and Cycles differ in pixels within a hundredth of a pixel of an edge; there Cycles
-    may also let a facet shade the one beside it, one pixel in a hundred thousand.
+    One sample looks through the centre of each pixel, as the ray caster does. More are spread by
+    Cycles' own filter, 1.5 pixels wide: neighbours mix, as in a real camera, and it is noise. Ray
+    caster and Cycles differ in pixels within a hundredth of a pixel of an edge; there Cycles may
+    also let a facet shade the one beside it, one pixel in a hundred thousand.
     """
     fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
     if not fringes:
@@ -91,16 +73,8 @@ def see(
     The projector throws its own coordinates, (column, row, 1), as red, green and blue: one
     picture then serves every pattern. A second, of the depth, needs no projector.
 
-    Parameters
-    ----------
-    mesh, system, albedo, white_at
-        As of `raycast`; no distortion, no skew of the camera, an albedo for all or one for each
-        face, (F,).
-
-    Raises
-    ------
-    ValueError
-        As of `raycast`; also for what Blender cannot do.
+    Arguments as of `raycast`; no distortion, no skew of the camera, an albedo for all or one for
+    each face, (F,).
     """
     projector = system.projector
     with _staged(mesh, system, albedo, white_at, 1) as (bpy, lamp, shoot):
@@ -148,7 +122,12 @@ def _staged(mesh, system: System, albedo, white_at: float, samples: int) -> Iter
     check_mesh(mesh, "mesh")
     shaders.check(system.projector)
     positive("white_at", white_at, "mm")
-    albedo = _albedo(albedo, len(mesh.faces))
+    if callable(albedo):
+        raise ValueError(
+            "albedo as a function given; Blender takes a number, or one for each face, and the "
+            "ray caster takes functions"
+        )
+    albedo = np.broadcast_to(reflectance(albedo, len(mesh.faces)), len(mesh.faces))
     with studio.opened(system.camera, whole("samples", samples, 1)) as (bpy, shoot):
         studio.solid(bpy, mesh.triangles, shaders.skin(bpy), albedo=albedo)
 
@@ -159,19 +138,3 @@ def _staged(mesh, system: System, albedo, white_at: float, samples: int) -> Iter
             return light
 
         yield bpy, shaders.projector(bpy, system.projector, white_at), seen
-
-
-def _albedo(albedo, faces: int) -> np.ndarray:
-    if callable(albedo):
-        raise ValueError(
-            "albedo as a function given; Blender takes a number, or one for each face, and the "
-            "ray caster takes functions"
-        )
-    value = np.asarray(albedo, np.float64)
-    if value.shape not in ((), (faces,)):
-        raise ValueError(
-            f"albedo of shape {value.shape} given; it is a number, or one for each of the {faces} "
-            "faces"
-        )
-    check_reflectance(value)
-    return np.broadcast_to(value, faces)

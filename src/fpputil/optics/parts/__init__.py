@@ -32,18 +32,9 @@ def family_of(seed: int) -> str:
 def part(seed: int, family: str | None = None) -> trimesh.Trimesh:
     """Machine part number ``seed``, a watertight mesh about 120 mm long around the origin.
 
-    Chapter 2.
+    The seed, not negative, chooses the family, unless one out of `FAMILIES` is named, and all
+    dimensions; equal seeds give equal meshes, byte for byte. Chapter 2.
 
-    Parameters
-    ----------
-    seed : int
-        Not negative. Chooses the family and all dimensions; equal seeds give equal meshes,
-        byte for byte.
-    family : str, optional
-        A name out of `FAMILIES`, instead of the family the seed would choose.
-
-    Examples
-    --------
     >>> part(7, "gear").is_watertight
     True
     """
