@@ -144,6 +144,8 @@ class SFNetMethod(Method):
             raise ValueError(
                 f"reference {self.reference!r} given; one of {', '.join(SECOND)} is needed"
             )
+        if self.mixing not in MIXING:
+            raise ValueError(f"mixing {self.mixing!r} given; one of {', '.join(MIXING)} is needed")
         if not isinstance(self.weights, Weights):
             raise ValueError(f"weights {self.weights!r} given; SFNet needs those of its losses")
         super().__post_init__()

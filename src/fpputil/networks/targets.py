@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from fpputil.decoding.phase import numerator_denominator, wrapped_phase
 from fpputil.decoding.unwrap import TWO_PI
 from fpputil.networks.geometry import Geometry
+from fpputil.networks.unet import dropout_of, widths_of
 from fpputil.optics.system import FREQUENCIES, Frame
 
 
@@ -20,14 +21,19 @@ class Method(Protocol):
         What is photographed, as `SynthFringe` names it.
     reference : str or None
         Frequency of the second wrapped phase, "refined" for the refined reference.
+    base, levels, dropout
+        Of its network.
     """
 
     photographs: tuple[Frame, ...]
     reference: str | None
+    base: int
+    levels: int
+    dropout: float
 
     def __post_init__(self):
-        with torch.device("meta"):  # refuses wrong options before any memory is taken
-            self.network()
+        widths_of(self.base, self.levels)  # before any memory is taken for the network
+        dropout_of(self.dropout)
 
     def network(self) -> nn.Module:
         """The network, its weights drawn from torch's generator."""
