@@ -77,19 +77,14 @@ class Store:
 
     def array(self, name: str, index: int) -> np.ndarray:
         """One array of one view, (H, W) or for "frames" (F, H, W)."""
-        dtype, empty, (_, views, *shape) = layout.arrays(self.manifest)[name]
-        model, view = self._place(index)
-        file = layout.shard_file(self.path, name, model, len(shape))
+        place = self._place(index)
         try:
-            data = layout.read_chunk(file, views, view)
+            return layout.read_array(self.path, self.manifest, name, *place)
         except (OSError, ValueError, RuntimeError) as error:
             raise ValueError(
                 f"{name} of view {index} in {self.path} cannot be read "
                 f"({type(error).__name__}: {error}); run: fpp dataset check {self.path}"
             ) from error
-        if data is None:
-            return np.full(shape, empty, dtype)
-        return np.frombuffer(data, dtype).reshape(shape)
 
     def view(self, index: int) -> View:
         """What the camera sees in view `index`; photograph it under any pattern."""
