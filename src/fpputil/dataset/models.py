@@ -55,7 +55,6 @@ def parts(
     Parameters
     ----------
     number : int
-        How many, 1 or more.
     families : iterable of str, optional
         Seeds that draw another family are passed over; None takes all.
 
@@ -108,8 +107,7 @@ def mesh_folder(
     """Mesh files in a folder and in the folders below it, in the order of their paths. Chapter 7.
 
     A file with the bytes of an earlier one is left out: in training and test both, it would
-    make the test easier. So are links, which may lead anywhere. The files are not loaded: whether
-    each holds a mesh is for `load_model` to find.
+    make the test easier. So are links, which may lead anywhere. No file is loaded yet.
 
     Parameters
     ----------
@@ -140,15 +138,14 @@ def thingi10k(
 ) -> tuple[Path, tuple[Model, ...], tuple[str, ...]]:
     """Thingi10K, ten thousand models people made for 3D printers, in the order of their numbers.
 
-    Closed or not, all are taken: the camera sees surfaces alone. The files are those of the
-    package ``thingi10k``, which keeps and finds them. Chapter 7.
+    Closed or not, all are taken: the camera sees surfaces alone. Chapter 7.
 
     Parameters
     ----------
     number : int, optional
         The first so many; None takes all.
     cache : path, optional
-        The ``cache_dir`` of the package.
+        The ``cache_dir`` of the package ``thingi10k``, which keeps and finds the files.
     download : bool
         Let the package download, some gigabytes, what its cache lacks. Without it the package is
         loaded off line, and stays so as long as the process lives.
@@ -201,16 +198,15 @@ def _different(
         if len(models) == number:
             break
         try:
-            sha256 = "" if (root / path).is_symlink() else _digest(root / path)
+            sha256 = None if (root / path).is_symlink() else _digest(root / path)
         except OSError as error:
             notes.append(f"{path} left out: {error.strerror}")
             continue
-        if not sha256:
-            notes.append(f"{path} left out: a link")
-        elif sha256 in models:
-            notes.append(f"{path} left out: the same bytes as {models[sha256].path}")
-        else:
+        if sha256 and sha256 not in models:
             models[sha256] = Model(name, "", -1, path, sha256)
+        else:
+            why = f"the same bytes as {models[sha256].path}" if sha256 else "a link"
+            notes.append(f"{path} left out: {why}")
     if len(models) < least:
         but = f" ({len(notes)} left out; {notes[0]})" if notes else ""
         raise ValueError(
@@ -240,9 +236,8 @@ def load_model(
     Raises
     ------
     FileNotFoundError, ValueError
-        If the model is to be passed over: its file is gone, cannot be read, has changed since it
-        was listed or is larger than `MAX_BYTES`; or the mesh has more than `MAX_FACES` faces or
-        `MAX_VERTICES` vertices, no faces, vertices that are not finite, or all in one point.
+        If the model is to be passed over: its file is gone, cut, larger than `MAX_BYTES` or
+        not as it was listed; or the mesh is larger than `MAX_FACES` or `MAX_VERTICES`, or none.
 
     Examples
     --------

@@ -304,16 +304,17 @@ def check_start(start: Trained, method: Method) -> None:
 def _first_difference(before: dict, now: dict) -> tuple | None:
     """Name and both values of the first entry in which two nested dicts differ."""
     before, now = _flat(before), _flat(now)
-    names = (name for name in {**before, **now} if before.get(name) != now.get(name))
-    return next(((name, before.get(name), now.get(name)) for name in names), None)
+    pairs = ((name, before.get(name), now.get(name)) for name in before | now)
+    return next((pair for pair in pairs if pair[1] != pair[2]), None)
 
 
-def _flat(value, name: str = "") -> dict:
+def _flat(values: dict, prefix: str = "") -> dict:
     """Entries of nested dicts by their names, joined by dots."""
-    if not isinstance(value, dict):
-        return {name: value}
-    flat = [_flat(inner, f"{name}.{key}".lstrip(".")) for key, inner in value.items()]
-    return {k: v for part in flat for k, v in part.items()}
+    flat = {}
+    for key, value in values.items():
+        nested = isinstance(value, dict)
+        flat |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
+    return flat
 
 
 def _require_finite(what: str, value: float, where: str) -> None:
