@@ -130,9 +130,9 @@ def interval(values: np.ndarray, by_seeds: float, freedom: float) -> Interval:
     return Interval(float(values[0]), float(values[0] - half), float(values[0] + half))
 
 
-def measures_of(runs: Sequence, spreads: Mapping[str, Spread], part="test") -> dict[str, Interval]:
+def measures_of(runs: Sequence, spreads: Mapping[str, Spread]) -> dict[str, Interval]:
     """Each of `MEASURES` that a row has; `seed_variation` of each is given."""
-    draws = {m: bootstrap(runs, m, part) for m in MEASURES if _has(runs[0], m)}
+    draws = {m: bootstrap(runs, m) for m in MEASURES if _has(runs[0], m)}
     return {
         measure: interval(values, *seed_error([(runs, values[0])], spreads[measure]))
         for measure, values in draws.items()
@@ -143,10 +143,7 @@ def _has(run, measure: str) -> bool:
     return MEASURES[measure][0] in run.parts["test"].sums
 
 
-def difference(
-    a: Sequence, b: Sequence, spreads: Mapping[str, Spread], measure="mae_rad", part="test"
-) -> Interval:
-    """A measure of the runs of one row above that of another."""
-    one, other = (bootstrap(runs, measure, part) for runs in (a, b))
-    moved = seed_error([(a, one[0]), (b, other[0])], spreads[measure])
-    return interval(one - other, *moved)
+def difference(a: Sequence, b: Sequence, spread: Spread, measure="mae_rad") -> Interval:
+    """A measure of the runs of one row above that of another; `seed_variation` of it is given."""
+    one, other = (bootstrap(runs, measure) for runs in (a, b))
+    return interval(one - other, *seed_error([(a, one[0]), (b, other[0])], spread))
