@@ -153,8 +153,6 @@ def new_plan(settings: dict, system: System, pitches: dict, models: list[dict], 
 def split_by_model(number: int, seed: int) -> list[str]:
     """Split of each model, 8:1:1, drawn at random; from three models on none is empty.
 
-    Examples
-    --------
     >>> split_by_model(3, seed=0)
     ['test', 'training', 'validation']
     """

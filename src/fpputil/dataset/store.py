@@ -135,8 +135,6 @@ class Store:
 def open_store(path: str | Path) -> Store:
     """A finished dataset; ValueError if it is not finished, damaged or too new. Chapter 7.
 
-    Examples
-    --------
     >>> store = open_store("data/tiny")  # the one that ships with the book
     >>> store.splits(), len(store.indices("training"))
     (['training', 'validation', 'test', 'held-out'], 64)
@@ -157,8 +155,6 @@ def check_files(path: str | Path) -> list[str]:
     Shards are held against their records, records against shards and seeds, and the arrays'
     metadata, which serve other readers, against what the same version of Zarr writes.
 
-    Examples
-    --------
     >>> check_files("data/tiny")
     []
     """

@@ -12,7 +12,6 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-import torch
 from filelock import FileLock, Timeout
 
 from fpputil.dataset.augmentation import Augmentation
@@ -195,9 +194,8 @@ def make_run(
                 _, history = fit(method, data, settings, folder, resume=resume, **how)
                 trained = load_weights(folder / WEIGHTS)
                 record = {**identity, "checksum": store.checksum, **_costs(trained, history)}
-                device = how.get("device") or ("cuda" if torch.cuda.is_available() else "cpu")
-                loading = {"workers": 0, "progress": False, **how, "device": device}
-                loading["precision"] = "float32"  # on every device alike
+                # By default where `fit` trains; the precision is alike on every device.
+                loading = {"device": None, **how, "precision": "float32"}
                 record |= assess(trained, data, path.with_suffix(".npz"), **loading)
                 write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
                 write_whole(path, f"{json.dumps(short(record), separators=(',', ':'))}\n".encode())

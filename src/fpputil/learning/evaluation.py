@@ -42,7 +42,9 @@ class Prediction:
     Phi_from_one: np.ndarray
 
 
-def moved(trained: Trained, device: str, precision: str) -> tuple[Trained, torch.device, str]:
+def moved(
+    trained: Trained, device: str | None, precision: str
+) -> tuple[Trained, torch.device, str]:
     """A network ready to measure: device and precision as torch has them."""
     device = device_of(device)
     precision = precision_of(precision, device)
@@ -110,7 +112,7 @@ def predictions(
     *,
     views: Sequence[int] | None = None,
     workers: int = 0,
-    device: str = "cpu",
+    device: str | None = "cpu",
     precision: str = "float32",
     progress: bool = False,
 ) -> Iterator[tuple[dict[str, np.ndarray], Prediction]]:

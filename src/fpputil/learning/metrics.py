@@ -144,8 +144,6 @@ def draws_of_models(number: int, draws: int, seed: int = 0) -> np.ndarray:
 
     Times sums over each model, (number, ...), the (draws + 1, number) floats are those of a draw.
 
-    Examples
-    --------
     >>> draws_of_models(4, 2)
     array([[1., 1., 1., 1.],
            [1., 0., 0., 3.],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
@@ -140,7 +141,7 @@ def fit(
                 data.set_epoch(epoch)
                 batches.epoch = epoch
                 network.train()
-                sums, began = {}, time.perf_counter()
+                sums, began = Counter(), time.perf_counter()
                 for step, batch in enumerate(loader):
                     batch = {k: v.to(group.device, non_blocking=True) for k, v in batch.items()}
                     # seed, epoch, batch and process alone decide what dropout drops
@@ -157,8 +158,7 @@ def fit(
                     optimiser.step()
                     if isinstance(schedule, OneCycleLR):
                         schedule.step()
-                    for k, v in losses.items():
-                        sums[k] = sums.get(k, 0.0) + v.item()
+                    sums.update({k: v.item() for k, v in losses.items()})
                     bar.update(len(batch["index"]) * group.size)
                 seconds = time.perf_counter() - began
 
@@ -166,13 +166,14 @@ def fit(
                 errors = validate(method, network, validation, geometry, precision, group)
                 mae = errors["validation_mae"]
                 _require_finite("the network answers with", mae, f"after epoch {epoch + 1}")
-                means = group.total(*(sums[k] for k in sorted(sums)))
-                means = [total / group.size / len(batches) for total in means]
+                names = sorted(sums)
+                totals = group.total(*(sums[k] for k in names))
+                means = [total / group.size / len(batches) for total in totals]
                 row = {
                     "epoch": epoch + 1,
                     "images": images * (epoch + 1),
                     "learning_rate": optimiser.param_groups[0]["lr"],
-                    **dict(zip(sorted(sums), means, strict=True)),
+                    **dict(zip(names, means, strict=True)),
                     **errors,
                     "seconds": seconds,
                     "images_a_second": images / seconds,
