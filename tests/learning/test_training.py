@@ -430,7 +430,7 @@ def test_a_loss_that_is_not_finite_ends_the_run(small_set, tmp_path, monkeypatch
         return values | {"total": values["total"] * (math.nan if next(count) == at else 1)}
 
     monkeypatch.setattr(SFNetMethod, "losses", spoilt)
-    with pytest.raises(FloatingPointError, match=f"nan in epoch {epoch}, batch {batch}"):
+    with pytest.raises(FloatingPointError, match=f"nan in epoch {epoch}, batch {batch}; a lower"):
         fit(METHOD, small_set, SHORT, tmp_path)
     assert (tmp_path / CHECKPOINT).exists() == (epoch > 1)
 
@@ -460,11 +460,6 @@ def test_a_file_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tm
     assert (stopped / CHECKPOINT).read_bytes() == before
     assert read_log(stopped / "log.csv") == history and len(history) == 1
     assert (stopped / WEIGHTS).read_bytes() == (undisturbed / WEIGHTS).read_bytes()
-
-
-def test_a_rate_far_too_high_ends_the_run(small_set):
-    with pytest.raises(FloatingPointError, match=r"epoch 1, batch [23]; a lower learning rate"):
-        fit(METHOD, small_set, replace(SHORT, learning_rate=1e20))
 
 
 def test_bfloat16_trains_as_well(small_set):
