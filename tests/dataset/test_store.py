@@ -83,6 +83,26 @@ def test_photographs_of_any_pitch_steps_and_noise(small_set):
     np.testing.assert_array_equal(noisy, store.photographs(index, fringes, noise=3.0))
 
 
+@pytest.mark.parametrize("word", ["content", "extremes", "records", "settings", "models"])
+def test_a_manifest_that_lacks_an_entry_is_damaged(word, copy):
+    file = copy / layout.MANIFEST
+    file.write_text(file.read_text().replace(f'"{word}": ', f'"{word[1:]}": '))
+    with pytest.raises(ValueError, match=f"manifest.json is damaged .no {word}.; generate anew"):
+        open_store(copy)
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [('"shards"', '"shirds"'), ('"zarr"', '"zirr"'), ('"extremes": [\n  0', '"extremes": [\n  1')],
+)
+def test_a_flipped_word_of_a_manifest_is_found(old, new, copy):
+    """The name of an entry, or an extreme that the views do not have."""
+    file = copy / layout.MANIFEST
+    file.write_text(file.read_text().replace(old, new, 1))
+    (line,) = check_files(copy)
+    assert line.startswith("manifest.json: not as it was written")
+
+
 @pytest.mark.parametrize("name", ["mask", "column", "shade", "depth"])
 def test_every_flipped_byte_of_a_chunk_or_the_index_is_noticed(name, copy):
     """Blosc does not notice each of them; the CRC of the chunk and of the index do."""

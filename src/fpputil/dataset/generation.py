@@ -232,7 +232,7 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
             for number, record in parallel.run(make_model, jobs, pool):
                 records[number] = record
                 bar.update(views)
-        manifest = _complete(out, plan, [records[n] for n in range(len(models))])
+        manifest = complete(out, plan, [records[n] for n in range(len(models))])
         layout.put(out, {layout.MANIFEST: layout.dumps(manifest)})
         shutil.rmtree(out / RECORDS, ignore_errors=True)
         for file in out.rglob(layout.PARTIAL):  # of runs and workers that were killed
@@ -328,7 +328,7 @@ def make_model(make, out: str, shared: dict, model: dict, number: int, root: str
     return number, json.loads(data)
 
 
-def _complete(out: Path, plan: dict, records: list[dict]) -> dict:
+def complete(out: Path, plan: dict, records: list[dict]) -> dict:
     """The manifest of a dataset all of whose models have a record."""
     pairs = zip(records, plan["models"], strict=True)
     white = [r["white"] for r, m in pairs if m["split"] == "training"]

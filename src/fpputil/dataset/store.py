@@ -158,22 +158,26 @@ def check_files(path: str | Path) -> list[str]:
     >>> check_files("data/tiny")
     []
     """
-    from fpputil.dataset.generation import faults
+    from fpputil.dataset.generation import complete, faults
 
     store = open_store(path)
-    records, wrong = store.manifest["records"], []
-    for number, record in enumerate(records):
-        wrong += faults(store.path, store.manifest, number, record)
-    if layout.content(records) != store.checksum:
-        wrong.append(f"{layout.MANIFEST}: its records are not as they were written")
-    metadata = layout.metadata_files(store.manifest)
-    same = store.manifest["versions"]["zarr"] == layout.zarr.__version__
+    manifest, wrong, changed = store.manifest, [], "not as it was written"
+    try:
+        for number, record in enumerate(manifest["records"]):
+            wrong += faults(store.path, manifest, number, record)
+        if not wrong and complete(store.path, manifest, manifest["records"]) != manifest:
+            wrong.append(f"{layout.MANIFEST}: {changed}")
+        shards = {name for record in manifest["records"] for name in record["shards"]}
+        same = manifest["versions"]["zarr"] == layout.zarr.__version__
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        return [f"{layout.MANIFEST}: {changed} ({type(error).__name__}: {error})"]
+    metadata = layout.metadata_files(manifest)
     for name, data in metadata.items():
         file = store.path / name
         if not file.is_file():
             wrong.append(f"{name}: missing")
         elif same and file.read_bytes() != data:
-            wrong.append(f"{name}: not as it was written")
-    known = {*metadata, layout.MANIFEST, layout.LOCK, *(n for r in records for n in r["shards"])}
+            wrong.append(f"{name}: {changed}")
+    known = {*metadata, *shards, layout.MANIFEST, layout.LOCK}
     names = {f.relative_to(store.path).as_posix() for f in store.path.rglob("*") if f.is_file()}
     return wrong + [f"{name}: not part of the dataset" for name in sorted(names - known)]
