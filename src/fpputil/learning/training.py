@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -274,48 +275,40 @@ def claim(out: Path, config: dict, resume: bool) -> None:
         )
     if left and not resume:
         raise ValueError(f"{out} holds a run already; resume it, or name another folder")
-    if resume and (out / CONFIG).is_file():
-        try:
-            saved = json.loads((out / CONFIG).read_bytes())
-        except ValueError as error:
-            raise ValueError(f"{out / CONFIG} is cut or no config of a run ({error})") from error
-        if difference := _first_difference(saved, plain(config)):
-            name, before, now = difference
-            raise ValueError(
-                f"the run in {out} has {name} {before}, and {now} is asked for; a run is resumed "
-                "with the settings and data it began with"
-            )
+    if not (resume and (out / CONFIG).is_file()):
+        out.mkdir(parents=True, exist_ok=True)
+        write_whole(out / CONFIG, f"{json.dumps(config, indent=1)}\n".encode())
         return
-    out.mkdir(parents=True, exist_ok=True)
-    write_whole(out / CONFIG, f"{json.dumps(config, indent=1)}\n".encode())
+    try:
+        changes = list(_differences(json.loads((out / CONFIG).read_bytes()), plain(config)))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{out / CONFIG} is cut or no config of a run ({error})") from error
+    for name, before, now in changes:
+        raise ValueError(
+            f"the run in {out} has {name} {before}, and {now} is asked for; a run is resumed with "
+            "the settings and data it began with"
+        )
 
 
 def check_start(start: Trained, method: Method) -> None:
     """ValueError if the network to begin with has another architecture."""
     aside = {"weights": None, "dropout": None}
     pair = (settings_of(m) | aside for m in (start.method, method))
-    if difference := _first_difference(*pair):
-        name, before, now = difference
+    for name, before, now in _differences(*pair):
         raise ValueError(
             f"a network with {name} {before} to begin with given, and one with {now} is to be "
             "trained; only losses and dropout may differ"
         )
 
 
-def _first_difference(before: dict, now: dict) -> tuple | None:
-    """Name and both values of the first entry in which two nested dicts differ."""
-    before, now = _flat(before), _flat(now)
-    pairs = ((name, before.get(name), now.get(name)) for name in before | now)
-    return next((pair for pair in pairs if pair[1] != pair[2]), None)
-
-
-def _flat(values: dict, prefix: str = "") -> dict:
-    """Entries of nested dicts by their names, joined by dots."""
-    flat = {}
-    for key, value in values.items():
-        nested = isinstance(value, dict)
-        flat |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
-    return flat
+def _differences(before: dict, now: dict, prefix: str = "") -> Iterator[tuple]:
+    """Dotted name and both values of each entry in which two nested dicts differ."""
+    for key in before | now:
+        a, b = before.get(key), now.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from _differences(a, b, f"{prefix}{key}.")
+        elif a != b:
+            yield f"{prefix}{key}", a, b
 
 
 def _require_finite(what: str, value: float, where: str) -> None:
