@@ -81,10 +81,8 @@ def _begin(folder: Path, start: bytes) -> None:
     mark = folder / UNFINISHED
     begun = mark.is_file() and mark.read_bytes() == start
     if not begun and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ValueError(
-            f"{folder} is not empty; an export goes to a new or empty folder, or goes on "
-            "where the same command was stopped"
-        )
+        place = "a new or empty folder, or goes on where the same command was stopped"
+        raise ValueError(f"{folder} is not empty; an export goes to {place}")
     folder.mkdir(exist_ok=True)
     layout.put(folder, {UNFINISHED: start})
 

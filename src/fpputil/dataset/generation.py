@@ -250,10 +250,8 @@ def _claim(out: Path) -> Iterator[None]:
     out.mkdir(exist_ok=True)
     names = sorted(f.name for f in out.iterdir() if not f.match(layout.PARTIAL))
     if layout.MANIFEST not in names and names not in ([], [layout.LOCK]):
-        raise ValueError(
-            f"{out} holds something else ({', '.join(names[:3])}); a dataset goes to a new or "
-            "empty folder"
-        )
+        place = "a dataset goes to a new or empty folder"
+        raise ValueError(f"{out} holds something else ({', '.join(names[:3])}); {place}")
     try:
         with FileLock(out / layout.LOCK, timeout=0):
             yield

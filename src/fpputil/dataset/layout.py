@@ -161,10 +161,8 @@ def read_manifest(path: str | Path) -> dict:
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path / MANIFEST} is damaged ({error}); generate anew") from error
     if kind != FORMAT or version != VERSION:
-        raise ValueError(
-            f"{path} is of format {kind!r} {version}; {FORMAT!r} {VERSION} is needed, newer ones "
-            "are read by a newer library"
-        )
+        needed = f"{FORMAT!r} {VERSION} is needed, newer ones are read by a newer library"
+        raise ValueError(f"{path} is of format {kind!r} {version}; {needed}")
     needed = (*PLAN, *(FACTS if manifest.get("complete") else ()))
     if lacking := [name for name in needed if name not in manifest]:
         raise ValueError(f"{path / MANIFEST} is damaged (no {lacking[0]}); generate anew")

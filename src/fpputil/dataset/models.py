@@ -67,10 +67,8 @@ def parts(
     families = FAMILIES if families is None else families
     wanted = {families} if isinstance(families, str) else set(families)
     if not wanted or wanted - set(FAMILIES):
-        raise ValueError(
-            f"families {sorted(wanted, key=str)} given; one or more of {', '.join(FAMILIES)} "
-            "are needed"
-        )
+        needed = f"one or more of {', '.join(FAMILIES)} are needed"
+        raise ValueError(f"families {sorted(wanted, key=str)} given; {needed}")
     drawn = ((seed, family_of(seed)) for seed in count(first))
     kept = islice(((seed, family) for seed, family in drawn if family in wanted), number)
     return tuple(Model(f"part-{seed:05d}", family, seed, "", "") for seed, family in kept)
@@ -177,10 +175,9 @@ def thingi10k(
     try:
         package.init(variant="npz", cache_dir=None if cache is None else str(cache))
     except RuntimeError as error:
-        raise RuntimeError(
-            f"Thingi10K is not there ({' '.join(str(error).split())}); ask for the download "
-            "(--download), with a connection to huggingface.co and room for some gigabytes"
-        ) from error
+        how = "(--download), with a connection to huggingface.co and room for some gigabytes"
+        why = " ".join(str(error).split())
+        raise RuntimeError(f"Thingi10K is not there ({why}); ask for the download {how}") from error
     files = {entry["file_id"]: Path(entry["file_path"]) for entry in package.dataset()}
     root = next(iter(files.values())).parent
     names = {files[k].relative_to(root).as_posix(): f"thingi10k-{k}" for k in sorted(files)}
@@ -209,10 +206,8 @@ def _different(
             notes.append(f"{path} left out: {why}")
     if len(models) < least:
         but = f" ({len(notes)} left out; {notes[0]})" if notes else ""
-        raise ValueError(
-            f"{root} holds {len(models)} different mesh files{but}, {least} or more are needed; "
-            f"{', '.join(formats())} are read"
-        )
+        needed = f"{least} or more are needed; {', '.join(formats())} are read"
+        raise ValueError(f"{root} holds {len(models)} different mesh files{but}, {needed}")
     return tuple(models.values()), tuple(notes)
 
 
