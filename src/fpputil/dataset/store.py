@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -113,12 +114,10 @@ class Store:
 
     def position(self, fringe: Fringe, step: int) -> int:
         """Position of a photograph among the stored ones: equal pitch, equal shift."""
-        first = 0
-        for stored in self.fringes:
-            same = np.flatnonzero(np.isclose(stored.shifts, fringe.shifts[step]))
-            if stored.pitch == fringe.pitch and len(same):
-                return first + int(same[0])
-            first += stored.steps
+        shots = ((stored.pitch, shift) for stored in self.fringes for shift in stored.shifts)
+        for place, (pitch, shift) in enumerate(shots):
+            if pitch == fringe.pitch and math.isclose(shift, fringe.shifts[step], abs_tol=1e-8):
+                return place
         raise ValueError(
             f"step {step} of {fringe.steps} at pitch {fringe.pitch} asked for; {self.path} holds "
             f"{[(f.pitch, f.steps) for f in self.fringes]} (pitch, steps)"
