@@ -145,6 +145,9 @@ def open_store(path: str | Path) -> Store:
         raise ValueError(
             f"{path} is not finished; run the command that generates it again, it goes on"
         )
+    needed = (*layout.PLAN, "records", "extremes", "content")
+    if lacking := [name for name in needed if name not in manifest]:
+        raise ValueError(f"{path / layout.MANIFEST} is damaged (no {lacking[0]}); generate anew")
     return Store(path, manifest)
 
 
