@@ -17,7 +17,7 @@ import trimesh
 
 from fpputil import files
 from fpputil.dataset import generation, layout
-from fpputil.dataset.generation import POSES, fill, generate, plan_of, split_by_model, turned
+from fpputil.dataset.generation import POSES, fill, generate, plan_of, split_by_model
 from fpputil.dataset.models import mesh_folder, seeded_models
 from fpputil.dataset.store import check_files, open_store
 from fpputil.optics.parts import part
@@ -67,14 +67,6 @@ def test_a_view_is_what_the_ray_caster_sees(small_set, tiny):
         for name, within in (("column", 2e-3), ("row", 2e-3), ("depth", 2e-3), ("shade", 1e-3)):
             difference = np.abs(getattr(view, name) - getattr(expected, name))[both]
             assert np.quantile(difference, 0.99) < within, name
-
-
-def test_a_turned_rig_sees_a_turned_model(tiny):
-    mesh, R = part(3), rotation(40, 70)
-    a = raycast(place(mesh), turned(tiny.system, R))
-    b = raycast(place(mesh, rotation=R), tiny.system)
-    assert (a.mask != b.mask).sum() <= 3
-    assert np.nanmedian(np.abs(a.column - b.column)) < 1e-4
 
 
 def test_splits_are_by_model(small_set):

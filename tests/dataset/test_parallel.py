@@ -12,8 +12,6 @@ import psutil
 import pytest
 
 from fpputil.dataset import parallel
-from fpputil.dataset.generation import generate
-from fpputil.dataset.models import seeded_models
 
 
 def double(x):
@@ -163,11 +161,3 @@ def test_a_cluster_that_goes_away(cluster, tmp_path):
             process.kill()
     _, said = run.communicate(timeout=120)
     assert run.returncode == 1 and "the same command goes on" in said.splitlines()[-1]
-
-
-@pytest.mark.slow
-def test_generating_through_a_cluster_from_python(small_set, cluster, tmp_path):
-    models = seeded_models(10, 1)
-    manifest = generate(tmp_path / "set", "tiny", *models, views=2, scheduler=cluster[0])
-    expected = json.loads((small_set / "manifest.json").read_text())
-    assert manifest["content"] == expected["content"]

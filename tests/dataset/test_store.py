@@ -63,37 +63,12 @@ def test_a_flipped_record_is_found(name, copy):
         open_store(copy)
 
 
-@pytest.mark.parametrize("name", ["mask", "column"])
-def test_a_damaged_shard_is_never_read_as_data(name, copy):
-    index = int(open_store(copy).indices("training")[0])
-    file = copy / f"{name}/c/{index // 2}/0/0"
-    data = bytearray(file.read_bytes())
-    start = 0 if index % 2 == 0 else len(data) - 60  # in the first chunk, or the last
-    data[start + 20] ^= 255
-    file.write_bytes(data)
-    with pytest.raises(ValueError, match="cannot be read .*fpp dataset check"):
-        open_store(copy).view(index)
-
-
 def test_a_missing_shard_is_never_read_as_data(copy):
     index = int(open_store(copy).indices("test")[0])
     for name in layout.KINDS:
         (copy / f"{name}/c/{index // 2}/0/0").unlink()
         with pytest.raises(ValueError, match="fpp dataset check|inside the mask"):
             open_store(copy).view(index)
-
-
-def test_any_zarr_reader_reads_it(small_set):
-    group, store = zarr.open_group(small_set, mode="r"), open_store(small_set)
-    index = int(store.indices("validation")[0])
-    view = store.view(index)
-    assert group["column"].shape == (22, 120, 160) and group["column"].metadata.dimension_names == (
-        "view",
-        "v",
-        "u",
-    )
-    np.testing.assert_array_equal(group["column"][index], view.column)
-    np.testing.assert_array_equal(group["mask"][index], view.mask)
 
 
 def test_photographs_of_any_pitch_steps_and_noise(small_set):
@@ -106,6 +81,26 @@ def test_photographs_of_any_pitch_steps_and_noise(small_set):
     lit = clean.max(0) > 20
     assert 2.5 < (noisy.astype(float) - clean)[:, lit].std() < 3.5
     np.testing.assert_array_equal(noisy, store.photographs(index, fringes, noise=3.0))
+
+
+@pytest.mark.parametrize("word", ["content", "extremes", "records", "settings", "models"])
+def test_a_manifest_that_lacks_an_entry_is_damaged(word, copy):
+    file = copy / layout.MANIFEST
+    file.write_text(file.read_text().replace(f'"{word}": ', f'"{word[1:]}": '))
+    with pytest.raises(ValueError, match=f"manifest.json is damaged .no {word}.; generate anew"):
+        open_store(copy)
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [('"shards"', '"shirds"'), ('"zarr"', '"zirr"'), ('"extremes": [\n  0', '"extremes": [\n  1')],
+)
+def test_a_flipped_word_of_a_manifest_is_found(old, new, copy):
+    """The name of an entry, or an extreme that the views do not have."""
+    file = copy / layout.MANIFEST
+    file.write_text(file.read_text().replace(old, new, 1))
+    (line,) = check_files(copy)
+    assert line.startswith("manifest.json: not as it was written")
 
 
 @pytest.mark.parametrize("name", ["mask", "column", "shade", "depth"])
@@ -122,7 +117,8 @@ def test_every_flipped_byte_of_a_chunk_or_the_index_is_noticed(name, copy):
         file.write_bytes(data)
         try:
             read = store.array(name, index)
-        except ValueError:
+        except ValueError as error:
+            assert "cannot be read" in str(error) and "fpp dataset check" in str(error)
             continue
         np.testing.assert_array_equal(read, expected)  # the byte belongs to the other view
 
@@ -151,8 +147,11 @@ def test_content_speaks_for_every_shard(small_set):
 
 
 def test_reading_is_what_zarr_reads(small_set):
+    """As any other reader of Zarr finds it."""
     group, store = zarr.open_group(small_set, mode="r"), open_store(small_set)
     for name in layout.KINDS:
+        assert group[name].shape == (22, 120, 160)
+        assert group[name].metadata.dimension_names == ("view", "v", "u")
         for index in range(22):
             np.testing.assert_array_equal(group[name][index], store.array(name, index))
 

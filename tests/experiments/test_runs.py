@@ -298,7 +298,11 @@ def test_the_search_goes_on_where_the_best_is_an_end(small_set, tmp_path, monkey
         return None, [{**found, "seconds": 1.0}]
 
     monkeypatch.setattr(rates, "fit", fit)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
+    monkeypatch.setattr(rates, "hardware", lambda device: device.type)
     found = rates.search_learning_rate(small_set, path)
+    assert json.loads(path.read_text())["hardware"] == "cuda"  # where `fit` trains by default
     assert rates.search_learning_rate(small_set, path, ["psnet"]) == {"psnet": 2e-3}
     assert found == {"sfnet": 2e-3, "sido": 1.6e-2, "psnet": 2e-3, "dlalnet": 2e-3}
     made = json.loads(path.read_text())["runs"]

@@ -15,9 +15,10 @@ def test_devices():
     assert precision_of("auto", cpu) in ("float32", "bfloat16")
 
 
-@pytest.mark.parametrize("name", ["cpu", "cuda", "cuda:1", "cuda:0"])
+@pytest.mark.parametrize("name", ["cpu", "cuda", "cuda:1", "cuda:0", None])
 def test_names_of_devices(monkeypatch, name):
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setenv("LOCAL_RANK", "1")
-    expected = {"cuda": "cuda:1"}.get(name, name)
+    expected = {"cuda": "cuda:1", None: "cuda:1"}.get(name, name)
     assert device_of(name) == torch.device(expected)

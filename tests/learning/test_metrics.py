@@ -69,6 +69,7 @@ def test_shares():
     assert (found["insensitive"], found["no_depth"]) == (4 / 8, 1 / 4)
     assert (found["mae_mm"], found["rmse_mm"]) == (2, pytest.approx(math.sqrt(14 / 3)))
     assert found["mae_high"] == pytest.approx(0.2) and found["mae_low"] == pytest.approx(0.3)
+    assert list(found)[-2:] == ["mae_high", "mae_low"]  # files of results have one order
 
 
 def test_wrapped_phases_are_scored_where_there_are_such():

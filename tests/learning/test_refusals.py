@@ -95,6 +95,10 @@ def cut_config(out):
     (out / CONFIG).write_bytes((out / CONFIG).read_bytes()[:-7])
 
 
+def foreign_config(out):
+    (out / CONFIG).write_text("[]")
+
+
 def no_config(out):
     (out / CONFIG).unlink()
 
@@ -109,6 +113,7 @@ def no_config(out):
         (missing, True, "run is not there; no run to resume"),
         (cut_checkpoint, True, f"{CHECKPOINT} is cut"),
         (cut_config, True, f"{CONFIG} is cut"),
+        (foreign_config, True, f"{CONFIG} is cut or no config of a run"),
     ],
 )
 def test_folders_that_are_no_place_for_a_run(run, small_set, tmp_path, change, resume, words):

@@ -4,13 +4,14 @@ import json
 import math
 import os
 import pickle
+from pathlib import Path
 
 import pytest
 import safetensors
 import torch
 from safetensors.torch import load_file, save_file
 
-from fpputil.learning.checkpoint import restore, save_checkpoint
+from fpputil.learning.checkpoint import read_state, restore, save_checkpoint
 from fpputil.learning.weights import (
     Trained,
     load_weights,
@@ -81,11 +82,6 @@ def test_a_network_in_channels_last_goes_to_disk_as_any(tmp_path, trained, saved
     assert all(torch.equal(first[k], last[k]) for k in first)
 
 
-def test_equal_networks_are_equal_files(tmp_path, trained, saved):
-    save_weights(tmp_path / "again.safetensors", trained)
-    assert (tmp_path / "again.safetensors").read_bytes() == saved.read_bytes()
-
-
 def test_numbers_are_kept_with_the_network_measured_alone(saved):
     measured = load_weights(saved)
     write_metrics(saved, measured, "test", {"mae_rad": (0.1, 0.0, math.nan), "views": 3})
@@ -144,6 +140,21 @@ def test_a_checkpoint_goes_on_to_the_same_weights(checkpoint, layout):
         steps(*way, 2, 9)
     for p, q in zip(network.parameters(), other.parameters(), strict=True):
         torch.testing.assert_close(p, q, rtol=0 if exact else 1e-4, atol=0 if exact else 1e-5)
+
+
+def test_a_checkpoint_stays_until_the_next_is_whole(checkpoint, monkeypatch):
+    """Killed when all of the new one is written, but for its name."""
+    path, network, optimiser = checkpoint
+    before = path.read_bytes()
+
+    def killed(part, target):
+        assert target == path and read_state(Path(part))["step"] == 4
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        save_checkpoint(path, network, optimiser, {"step": 4})
+    assert path.read_bytes() == before and list(path.parent.iterdir()) == [path]
 
 
 def another_kind(path):

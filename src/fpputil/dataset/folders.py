@@ -23,7 +23,7 @@ from fpputil.decoding.decoder import decode
 from fpputil.decoding.geometric_constraint import minimum_phase
 from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.system import FREQUENCIES, STEPS, system_from_dict, system_to_dict
+from fpputil.optics.system import FREQUENCIES, STEPS, System, system_from_dict, system_to_dict
 
 INDEX = "scenes.json"
 UNFINISHED = "unfinished.json"  # says what an export is of; gone once all of it is there
@@ -76,16 +76,13 @@ def export_folder(
 
 def _begin(folder: Path, start: bytes) -> None:
     """Say in a folder what its export is of, if it is new, empty or left by the same export."""
-    if folder.is_dir():
-        for file in folder.glob(layout.PARTIAL):
-            file.unlink()
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        mark = folder / UNFINISHED
-        if not mark.is_file() or mark.read_bytes() != start:
-            raise ValueError(
-                f"{folder} is not empty; an export goes to a new or empty folder, or goes on "
-                "where the same command was stopped"
-            )
+    for file in folder.glob(layout.PARTIAL):
+        file.unlink()
+    mark = folder / UNFINISHED
+    begun = mark.is_file() and mark.read_bytes() == start
+    if not begun and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        place = "a new or empty folder, or goes on where the same command was stopped"
+        raise ValueError(f"{folder} is not empty; an export goes to {place}")
     folder.mkdir(exist_ok=True)
     layout.put(folder, {UNFINISHED: start})
 
@@ -109,22 +106,23 @@ def import_folder(
     Returns the manifest. A scene that cannot be used is skipped, and its record says why; it is a
     ValueError if none can, or ``scenes.json`` is missing or not whole.
     """
-    folder, index = Path(folder), _read_index(Path(folder))
-    system, pitches, steps = system_from_dict(index["system"]), index["pitches"], index["steps"]
-    minimum_phase(system, pitches["zmin"])  # raises where the range is too long for the method
+    folder = Path(folder)
+    index, system, fringes = _read_index(folder)
+    minimum_phase(system, index["pitches"]["zmin"])  # raises if the range is too long for it
     models = _models(folder, _objects(folder, index.get("scenes")), seed)
     views = max(len(m["scenes"]) for m in models)
     settings = {"preset": "imported", "views": views, "seed": seed}
-    frames = [{"pitch": pitches[f], "steps": steps[f]} for f in FREQUENCIES]
-    plan = new_plan(settings, system, pitches, models, frames)
+    frames = [{"pitch": f.pitch, "steps": f.steps} for f in fringes]
+    plan = new_plan(settings, system, index["pitches"], models, frames)
     return fill(out, plan, import_scenes, folder, workers, progress=progress)
 
 
-def _read_index(folder: Path) -> dict:
+def _read_index(folder: Path) -> tuple[dict, System, list[Fringe]]:
+    """What ``scenes.json`` holds, and system and fringes out of it."""
     try:
         index = json.loads((folder / INDEX).read_bytes())
-        system_from_dict(index["system"])
-        [Fringe(index["pitches"][f], index["steps"][f]) for f in FREQUENCIES]
+        fringes = [Fringe(index["pitches"][f], index["steps"][f]) for f in FREQUENCIES]
+        return index, system_from_dict(index["system"]), fringes
     except FileNotFoundError:
         raise ValueError(f"{folder} holds no {INDEX}; it names system, pitches and steps") from None
     except (KeyError, TypeError, ValueError) as error:
@@ -132,7 +130,6 @@ def _read_index(folder: Path) -> dict:
             f"{folder / INDEX} is not whole ({type(error).__name__}: {error}); it names the "
             f"system, and pitches and steps of {', '.join(FREQUENCIES)}"
         ) from error
-    return index
 
 
 def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], str | None]]:
@@ -211,12 +208,11 @@ def _read_scene(folder: Path, shared: dict) -> np.ndarray:
 def _decoded(shared: dict, frames: np.ndarray) -> dict[str, np.ndarray]:
     """Column, shade, depth and mask as the photographs show them."""
     system = system_from_dict(shared["system"])
-    fringes = [Fringe(f["pitch"], f["steps"]) for f in shared["frames"]]
-    stacks = np.split(frames, np.cumsum([f.steps for f in fringes])[:-1])
-    order = [FREQUENCIES.index(name) for name in ("unit", "mid", "high")]
-    used = [fringes[k] for k in order]
-    decoded = decode(np.concatenate([stacks[k] for k in order]), used, system.projector.width)
-    columns = column(decoded.Phi, used[-1].pitch)
+    high, mid, zmin, unit = fringes = [Fringe(f["pitch"], f["steps"]) for f in shared["frames"]]
+    of_high, of_mid, _, of_unit = np.split(frames, np.cumsum([f.steps for f in fringes])[:-1])
+    stack = np.concatenate([of_unit, of_mid, of_high])
+    decoded = decode(stack, [unit, mid, high], system.projector.width)
+    columns = column(decoded.Phi, high.pitch)
     z = depth_of(triangulate(columns, system), system)
     mask = decoded.mask & np.isfinite(z)
     return {

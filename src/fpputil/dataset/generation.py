@@ -25,7 +25,6 @@ from tqdm.std import tqdm
 from fpputil.checks import positive, seeded, whole
 from fpputil.dataset import layout, parallel
 from fpputil.dataset.models import Model, load_model
-from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.shapes import CENTRE, SIZE, place, rotation
 from fpputil.optics.system import System, preset, system_from_dict, system_to_dict
@@ -154,8 +153,6 @@ def new_plan(settings: dict, system: System, pitches: dict, models: list[dict], 
 def split_by_model(number: int, seed: int) -> list[str]:
     """Split of each model, 8:1:1, drawn at random; from three models on none is empty.
 
-    Examples
-    --------
     >>> split_by_model(3, seed=0)
     ['test', 'training', 'validation']
     """
@@ -197,12 +194,12 @@ def poses_of(settings: dict, number: int) -> dict[str, list]:
 
 def turned(system: System, R: np.ndarray) -> System:
     """The system moved round a model that stays, whose tree serves all poses: it looks turned."""
-
-    def moved(pinhole: Pinhole) -> Pinhole:
-        c = np.asarray(CENTRE)
-        return replace(pinhole, R=pinhole.R @ R, t=pinhole.t + pinhole.R @ (c - R @ c))
-
-    return replace(system, camera=moved(system.camera), projector=moved(system.projector))
+    shift = np.asarray(CENTRE) - R @ CENTRE
+    camera, projector = (
+        replace(pinhole, R=pinhole.R @ R, t=pinhole.t + pinhole.R @ shift)
+        for pinhole in (system.camera, system.projector)
+    )
+    return replace(system, camera=camera, projector=projector)
 
 
 def portable(error: Exception, root: str | None) -> str:
@@ -222,13 +219,11 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
     shared = {k: plan[k] for k in ("settings", "system", "pitches", "frames")}
     models, views = plan["models"], plan["settings"]["views"]
     with _claim(out), executor as pool:
-        _sweep(out)  # of a run that was killed
-        manifest, records = _finished(out, plan)
-        if manifest is None or len(records) < len(models):
+        records = _finished(out, plan)
+        if len(records) < len(models):
             lacking = (n for n in records if not (out / _record(n)).exists())
             layout.put(out, {_record(n): layout.dumps(records[n]) for n in lacking})
             layout.put(out, {layout.MANIFEST: layout.dumps(plan)})
-            manifest = None
         layout.put(out, layout.metadata_files(plan))
         missing = (number for number in range(len(models)) if number not in records)
         jobs = [(make, str(out), shared, models[n], n, root) for n in missing]
@@ -237,18 +232,12 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
             for number, record in parallel.run(make_model, jobs, pool):
                 records[number] = record
                 bar.update(views)
-        if manifest is None:
-            manifest = _complete(out, plan, [records[n] for n in range(len(models))])
-            layout.put(out, {layout.MANIFEST: layout.dumps(manifest)})
+        manifest = complete(out, plan, [records[n] for n in range(len(models))])
+        layout.put(out, {layout.MANIFEST: layout.dumps(manifest)})
         shutil.rmtree(out / RECORDS, ignore_errors=True)
-        _sweep(out)  # of workers that were lost on the way
+        for file in out.rglob(layout.PARTIAL):  # of runs and workers that were killed
+            file.unlink(missing_ok=True)
         return manifest
-
-
-def _sweep(out: Path) -> None:
-    """Remove the files that were being written when their process was killed."""
-    for file in out.rglob(layout.PARTIAL):
-        file.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -261,10 +250,8 @@ def _claim(out: Path) -> Iterator[None]:
     out.mkdir(exist_ok=True)
     names = sorted(f.name for f in out.iterdir() if not f.match(layout.PARTIAL))
     if layout.MANIFEST not in names and names not in ([], [layout.LOCK]):
-        raise ValueError(
-            f"{out} holds something else ({', '.join(names[:3])}); a dataset goes to a new or "
-            "empty folder"
-        )
+        place = "a dataset goes to a new or empty folder"
+        raise ValueError(f"{out} holds something else ({', '.join(names[:3])}); {place}")
     try:
         with FileLock(out / layout.LOCK, timeout=0):
             yield
@@ -272,42 +259,52 @@ def _claim(out: Path) -> Iterator[None]:
         raise RuntimeError(f"another process is generating into {out}; wait for it") from None
 
 
-def _finished(out: Path, plan: dict) -> tuple[dict | None, dict[int, dict]]:
-    """Manifest if the dataset is complete, and records, by number, of the undamaged models."""
-    manifest = layout.read_manifest(out) if (out / layout.MANIFEST).exists() else {}
+def _finished(out: Path, plan: dict) -> dict[int, dict]:
+    """Records, by number, of the undamaged models of this plan; ValueError if `out` has another."""
     plan = json.loads(layout.dumps(plan))
-    for key in (k for k in plan if manifest and k != "complete"):
-        if manifest.get(key) != plan[key]:
-            raise ValueError(f"{out} holds another dataset: {_change(manifest, plan, key)}")
+    manifest = layout.read_manifest(out) if (out / layout.MANIFEST).exists() else plan
+    for key, needed in plan.items():
+        held = manifest.get(key)
+        if key == "complete" or held == needed:
+            continue
+        change = f"its {key} differ"
+        if isinstance(held, dict):
+            names = sorted(k for k in held | needed if held.get(k) != needed.get(k))
+            pairs = (f"{key} {k} is {held.get(k)} there and {needed.get(k)} here" for k in names)
+            change = "; ".join(pairs)
+        raise ValueError(f"{out} holds another dataset: {change}")
     records = {}
     for number in range(len(plan["models"])):
         with suppress(OSError, LookupError, TypeError, AttributeError, ValueError):  # none, damaged
-            record = manifest["records"][number] if "records" in manifest else None
-            record = record or json.loads((out / _record(number)).read_bytes())
+            kept = manifest["records"][number] if "records" in manifest else None
+            record = kept or json.loads((out / _record(number)).read_bytes())
             if not faults(out, plan, number, record):
                 records[number] = record
-    return manifest if manifest.get("complete") else None, records
+    return records
 
 
 def faults(path: Path, manifest: dict, number: int, record: dict) -> list[str]:
     """What is wrong with the shards of a model, or with what its record says of them."""
-    wrong = layout.wrong_shards(path, record)
+    wrong = []
+    for name, shard in record["shards"].items():
+        try:
+            data = (path / name).read_bytes()
+            if (layout.digest(data), len(data)) != (shard["sha256"], shard["bytes"]):
+                wrong.append(f"{name}: not as it was written")
+        except FileNotFoundError:
+            wrong.append(f"{name}: missing")
+        except OSError as error:
+            wrong.append(f"{name}: cannot be read ({error.strerror})")
     if wrong:
         return wrong
-    stacks = layout.read_stacks(path, manifest, number, ("frames", "mask", "shade"))
-    facts = layout.lit_and_white(stacks, manifest["settings"]["least"])
-    if "pose" in record:
-        facts |= poses_of(manifest["settings"], number)
+    settings, stacks = manifest["settings"], layout.empty_stacks(manifest)
+    for name in {k.partition("/")[0] for k in record["shards"]} & {"frames", "mask", "shade"}:
+        for view, image in enumerate(stacks[name]):
+            image[:] = layout.read_array(path, manifest, name, number, view)
+    facts = layout.lit_and_white(stacks, settings["least"])
+    facts |= poses_of(settings, number) if "pose" in record else {}
     changed = (name for name in facts if record[name] != facts[name])
     return [f"{layout.MANIFEST}: {n} of model {number} is not as it was written" for n in changed]
-
-
-def _change(there: dict, here: dict, key: str) -> str:
-    there, here = there.get(key), here[key]
-    if isinstance(there, dict):
-        names = sorted(k for k in {*there, *here} if there.get(k) != here.get(k))
-        return "; ".join(f"{key} {k} is {there.get(k)} there and {here.get(k)} here" for k in names)
-    return f"its {key} differ"
 
 
 def _record(number: int) -> str:
@@ -329,7 +326,7 @@ def make_model(make, out: str, shared: dict, model: dict, number: int, root: str
     return number, json.loads(data)
 
 
-def _complete(out: Path, plan: dict, records: list[dict]) -> dict:
+def complete(out: Path, plan: dict, records: list[dict]) -> dict:
     """The manifest of a dataset all of whose models have a record."""
     pairs = zip(records, plan["models"], strict=True)
     white = [r["white"] for r, m in pairs if m["split"] == "training"]

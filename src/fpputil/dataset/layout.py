@@ -70,73 +70,52 @@ def empty_stacks(manifest: dict) -> dict[str, np.ndarray]:
 
 
 def view_files(manifest: dict, at: int, stacks: dict[str, np.ndarray]) -> dict[str, bytes]:
-    """Shards of model `at`, path to content; `stacks` are (V, ...) arrays by name."""
-    return {k: v for name in stacks for k, v in _array(manifest, name, at, stacks[name]).items()}
+    """Shards of model `at`, path to content, of (V, ...) arrays by name; none of an empty one."""
+    return {k: v for k, v in _files(manifest, at, stacks).items() if "/c/" in k}
 
 
 def metadata_files(manifest: dict) -> dict[str, bytes]:
     """The arrays' metadata, path to content, so that any Zarr reader finds them."""
     group = {"zarr_format": 3, "node_type": "group", "attributes": {}}
-    files = {k: v for name in arrays(manifest) for k, v in _array(manifest, name).items()}
+    files = {k: v for k, v in _files(manifest).items() if k.endswith("/zarr.json")}
     return {"zarr.json": dumps(group), **files}
 
 
-def _array(manifest: dict, name: str, at: int = 0, values=None) -> dict[str, bytes]:
-    """Metadata of an array, or its shard of the views of model `at`: path to content.
-
-    A shard of nothing but empty pixels has no file.
-    """
-    dtype, empty, (models, views, *rest) = arrays(manifest)[name]
+def _files(manifest: dict, at: int = 0, stacks=()) -> dict[str, bytes]:
+    """What Zarr writes of all arrays that hold the views of model `at`: path to content."""
     files = {}
-    array = zarr.create_array(
-        MemoryStore(files),
-        name=name,
-        shape=(models * views, *rest),
-        shards=(views, *rest),
-        chunks=(1, *rest),
-        dtype=dtype,
-        fill_value=empty,
-        compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
-        dimension_names=("view", "v", "u") if len(rest) == 2 else ("view", "frame", "v", "u"),
-    )
-    if values is not None:
-        array[at * views : (at + 1) * views] = values
-    wanted = f"{name}/zarr.json" if values is None else f"{name}/c/"
-    return {k: v.to_bytes() for k, v in files.items() if k.startswith(wanted)}
+    for name, (dtype, empty, (models, views, *rest)) in arrays(manifest).items():
+        array = zarr.create_array(
+            MemoryStore(files),
+            name=name,
+            shape=(models * views, *rest),
+            shards=(views, *rest),
+            chunks=(1, *rest),
+            dtype=dtype,
+            fill_value=empty,
+            compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
+            dimension_names=("view", "frame", "v", "u") if len(rest) == 3 else ("view", "v", "u"),
+        )
+        if name in stacks:
+            array[at * views : (at + 1) * views] = stacks[name]
+    return {k: v.to_bytes() for k, v in files.items()}
 
 
-def read_chunk(file: Path, views: int, view: int) -> bytes | None:
-    """One view out of a shard: None if it has nothing to see; an error if the shard is damaged.
+def read_array(path: Path, manifest: dict, name: str, number: int, view: int) -> np.ndarray:
+    """One array of one view of model `number`; an error if its shard is missing or damaged.
 
     Zarr's sharding codec ends a shard with the offset and size of every chunk, and a CRC. The
     Zarr library takes 3 ms to come to a chunk, ten times what is in it; a test holds both equal.
     """
-    with file.open("rb") as shard:
+    dtype, empty, (_, views, *shape) = arrays(manifest)[name]
+    with path.joinpath(name, "c", str(number), *["0"] * len(shape)).open("rb") as shard:
         shard.seek(-(16 * views + 4), 2)
-        index = _checked(shard.read())
-        offset, size = index.view("<u8").reshape(views, 2)[view]
+        offset, size = _checked(shard.read()).view("<u8").reshape(views, 2)[view]
         if size == NO_CHUNK:
-            return None
+            return np.full(shape, empty, dtype)
         shard.seek(int(offset))
-        data = shard.read(int(size))
-    return blosc.decompress(_checked(data))
-
-
-def read_stacks(path: Path, manifest: dict, number: int, names) -> dict[str, np.ndarray]:
-    """Arrays (V, ...) of model `number`, of these names if there are any."""
-    stacks = empty_stacks(manifest)
-    for name in stacks.keys() & set(names):
-        file = shard_file(path, name, number, stacks[name].ndim - 1)
-        for view, image in enumerate(stacks[name] if file.exists() else ()):
-            data = read_chunk(file, len(stacks[name]), view)
-            if data is not None:
-                image[:] = np.frombuffer(data, image.dtype).reshape(image.shape)
-    return stacks
-
-
-def shard_file(path: Path, name: str, number: int, axes: int) -> Path:
-    """File of the shard of model `number` of an array whose views have so many axes."""
-    return path.joinpath(name, "c", str(number), *["0"] * axes)
+        data = blosc.decompress(_checked(shard.read(int(size))))
+    return np.frombuffer(data, dtype).reshape(shape)
 
 
 def _checked(data: bytes) -> np.ndarray:
@@ -149,27 +128,12 @@ def _checked(data: bytes) -> np.ndarray:
 
 def lit_and_white(stacks: dict[str, np.ndarray], least: int) -> dict:
     """What a record says of its views: lit pixels of each, and the brightest grey level of all."""
-    lit = [int(mask.sum()) for mask in stacks["mask"]]
+    lit = stacks["mask"].sum(axis=(1, 2))
     if "frames" in stacks:
-        return {"lit": lit, "white": int(stacks["frames"].max())}
-    shades = [s.max() for s, n in zip(stacks["shade"], lit, strict=True) if n >= least]
-    white = np.rint(255 * np.array(shades, float)).clip(max=255)
-    return {"lit": lit, "white": int(white.max(initial=0))}
-
-
-def wrong_shards(path: Path, record: dict) -> list[str]:
-    """What is wrong with the shards of a record: a line each."""
-    wrong = []
-    for name, shard in record["shards"].items():
-        try:
-            data = (path / name).read_bytes()
-            if (digest(data), len(data)) != (shard["sha256"], shard["bytes"]):
-                wrong.append(f"{name}: not as it was written")
-        except FileNotFoundError:
-            wrong.append(f"{name}: missing")
-        except OSError as error:
-            wrong.append(f"{name}: cannot be read ({error.strerror})")
-    return wrong
+        white = stacks["frames"].max()
+    else:
+        white = np.rint(255 * float(stacks["shade"][lit >= least].max(initial=0))).clip(max=255)
+    return {"lit": lit.tolist(), "white": int(white)}
 
 
 def content(records: Sequence[dict]) -> str:
@@ -180,15 +144,8 @@ def content(records: Sequence[dict]) -> str:
 
 def plan_name(manifest: dict) -> str:
     """SHA-256 of what decides the content of a dataset, numbers to nine decimals."""
-
-    def rounded(value):
-        if isinstance(value, dict):
-            return {name: rounded(entry) for name, entry in value.items()}
-        if isinstance(value, list | tuple):
-            return [rounded(entry) for entry in value]
-        return round(value, 9) + 0.0 if isinstance(value, float) else value
-
-    return digest(dumps(rounded({name: manifest[name] for name in PLAN})))
+    text = dumps({name: manifest[name] for name in PLAN})
+    return digest(dumps(json.loads(text, parse_float=lambda x: round(float(x), 9) + 0.0)))
 
 
 def read_manifest(path: str | Path) -> dict:
@@ -204,8 +161,6 @@ def read_manifest(path: str | Path) -> dict:
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path / MANIFEST} is damaged ({error}); generate anew") from error
     if kind != FORMAT or version != VERSION:
-        raise ValueError(
-            f"{path} is of format {kind!r} {version}; {FORMAT!r} {VERSION} is needed, newer ones "
-            "are read by a newer library"
-        )
+        needed = f"{FORMAT!r} {VERSION} is needed, newer ones are read by a newer library"
+        raise ValueError(f"{path} is of format {kind!r} {version}; {needed}")
     return manifest

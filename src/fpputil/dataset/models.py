@@ -55,7 +55,6 @@ def parts(
     Parameters
     ----------
     number : int
-        How many, 1 or more.
     families : iterable of str, optional
         Seeds that draw another family are passed over; None takes all.
 
@@ -68,10 +67,8 @@ def parts(
     families = FAMILIES if families is None else families
     wanted = {families} if isinstance(families, str) else set(families)
     if not wanted or wanted - set(FAMILIES):
-        raise ValueError(
-            f"families {sorted(wanted, key=str)} given; one or more of {', '.join(FAMILIES)} "
-            "are needed"
-        )
+        needed = f"one or more of {', '.join(FAMILIES)} are needed"
+        raise ValueError(f"families {sorted(wanted, key=str)} given; {needed}")
     drawn = ((seed, family_of(seed)) for seed in count(first))
     kept = islice(((seed, family) for seed, family in drawn if family in wanted), number)
     return tuple(Model(f"part-{seed:05d}", family, seed, "", "") for seed, family in kept)
@@ -108,8 +105,7 @@ def mesh_folder(
     """Mesh files in a folder and in the folders below it, in the order of their paths. Chapter 7.
 
     A file with the bytes of an earlier one is left out: in training and test both, it would
-    make the test easier. So are links, which may lead anywhere. The files are not loaded: whether
-    each holds a mesh is for `load_model` to find.
+    make the test easier. So are links, which may lead anywhere. No file is loaded yet.
 
     Parameters
     ----------
@@ -140,15 +136,14 @@ def thingi10k(
 ) -> tuple[Path, tuple[Model, ...], tuple[str, ...]]:
     """Thingi10K, ten thousand models people made for 3D printers, in the order of their numbers.
 
-    Closed or not, all are taken: the camera sees surfaces alone. The files are those of the
-    package ``thingi10k``, which keeps and finds them. Chapter 7.
+    Closed or not, all are taken: the camera sees surfaces alone. Chapter 7.
 
     Parameters
     ----------
     number : int, optional
         The first so many; None takes all.
     cache : path, optional
-        The ``cache_dir`` of the package.
+        The ``cache_dir`` of the package ``thingi10k``, which keeps and finds the files.
     download : bool
         Let the package download, some gigabytes, what its cache lacks. Without it the package is
         loaded off line, and stays so as long as the process lives.
@@ -180,10 +175,9 @@ def thingi10k(
     try:
         package.init(variant="npz", cache_dir=None if cache is None else str(cache))
     except RuntimeError as error:
-        raise RuntimeError(
-            f"Thingi10K is not there ({' '.join(str(error).split())}); ask for the download "
-            "(--download), with a connection to huggingface.co and room for some gigabytes"
-        ) from error
+        how = "(--download), with a connection to huggingface.co and room for some gigabytes"
+        why = " ".join(str(error).split())
+        raise RuntimeError(f"Thingi10K is not there ({why}); ask for the download {how}") from error
     files = {entry["file_id"]: Path(entry["file_path"]) for entry in package.dataset()}
     root = next(iter(files.values())).parent
     names = {files[k].relative_to(root).as_posix(): f"thingi10k-{k}" for k in sorted(files)}
@@ -201,22 +195,19 @@ def _different(
         if len(models) == number:
             break
         try:
-            sha256 = "" if (root / path).is_symlink() else _digest(root / path)
+            sha256 = None if (root / path).is_symlink() else _digest(root / path)
         except OSError as error:
             notes.append(f"{path} left out: {error.strerror}")
             continue
-        if not sha256:
-            notes.append(f"{path} left out: a link")
-        elif sha256 in models:
-            notes.append(f"{path} left out: the same bytes as {models[sha256].path}")
-        else:
+        if sha256 and sha256 not in models:
             models[sha256] = Model(name, "", -1, path, sha256)
+        else:
+            why = f"the same bytes as {models[sha256].path}" if sha256 else "a link"
+            notes.append(f"{path} left out: {why}")
     if len(models) < least:
         but = f" ({len(notes)} left out; {notes[0]})" if notes else ""
-        raise ValueError(
-            f"{root} holds {len(models)} different mesh files{but}, {least} or more are needed; "
-            f"{', '.join(formats())} are read"
-        )
+        needed = f"{least} or more are needed; {', '.join(formats())} are read"
+        raise ValueError(f"{root} holds {len(models)} different mesh files{but}, {needed}")
     return tuple(models.values()), tuple(notes)
 
 
@@ -240,9 +231,8 @@ def load_model(
     Raises
     ------
     FileNotFoundError, ValueError
-        If the model is to be passed over: its file is gone, cannot be read, has changed since it
-        was listed or is larger than `MAX_BYTES`; or the mesh has more than `MAX_FACES` faces or
-        `MAX_VERTICES` vertices, no faces, vertices that are not finite, or all in one point.
+        If the model is to be passed over: its file is gone, cut, larger than `MAX_BYTES` or
+        not as it was listed; or the mesh is larger than `MAX_FACES` or `MAX_VERTICES`, or none.
 
     Examples
     --------

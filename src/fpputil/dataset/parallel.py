@@ -23,8 +23,6 @@ def run(function: Callable, jobs: Sequence[tuple], executor: Executor | None = N
 
     On an error or Ctrl-C, jobs in flight end and the others never start.
 
-    Examples
-    --------
     >>> list(run(pow, [(2, 3), (3, 2)]))
     [8, 9]
     """
@@ -45,8 +43,7 @@ def executor(
 ) -> AbstractContextManager[Executor | None]:
     """What `run` works with: nothing for one worker, processes, or the workers of a Dask scheduler.
 
-    A scheduler has an address like "tcp://host:8786"; a job whose worker dies goes to another. It
-    is a RuntimeError, inside, if processes are ended from outside or the scheduler goes away.
+    It is a RuntimeError, inside, if processes are ended from outside or the scheduler goes away.
     """
     whole("workers", workers, 1)
     if scheduler is None:
@@ -76,9 +73,8 @@ def _processes(workers: int) -> Iterator[Executor]:
     try:
         yield pool
     except BrokenProcessPool:
-        raise RuntimeError(
-            f"a worker process was ended from outside (is the memory full?); {GOES_ON}"
-        ) from None
+        why = "a worker process was ended from outside (is the memory full?)"
+        raise RuntimeError(f"{why}; {GOES_ON}") from None
     finally:  # a second Ctrl-C must not cut the end short: workers would wait for ever
         main = threading.current_thread() is threading.main_thread()
         before = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None
@@ -98,17 +94,13 @@ def _cluster(address: str) -> Iterator[Executor]:
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise RuntimeError(
-            f"scheduler {address} given; it does not answer ({error}); start one with: "
-            "dask scheduler"
-        ) from error
+        why = f"it does not answer ({error}); start one with: dask scheduler"
+        raise RuntimeError(f"scheduler {address} given; {why}") from error
     try:
         yield client.get_executor(retries=3)
     except (CancelledError, KilledWorker) as error:
-        raise RuntimeError(
-            f"the cluster of {address} is gone or loses its workers ({type(error).__name__}); "
-            f"{GOES_ON}"
-        ) from None
+        why = f"is gone or loses its workers ({type(error).__name__})"
+        raise RuntimeError(f"the cluster of {address} {why}; {GOES_ON}") from None
     finally:
         with suppress(OSError, RuntimeError):
             client.close(timeout=PATIENCE)

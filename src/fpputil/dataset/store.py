@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,19 +78,14 @@ class Store:
 
     def array(self, name: str, index: int) -> np.ndarray:
         """One array of one view, (H, W) or for "frames" (F, H, W)."""
-        dtype, empty, (_, views, *shape) = layout.arrays(self.manifest)[name]
-        model, view = self._place(index)
-        file = layout.shard_file(self.path, name, model, len(shape))
+        place = self._place(index)
         try:
-            data = layout.read_chunk(file, views, view)
+            return layout.read_array(self.path, self.manifest, name, *place)
         except (OSError, ValueError, RuntimeError) as error:
             raise ValueError(
                 f"{name} of view {index} in {self.path} cannot be read "
                 f"({type(error).__name__}: {error}); run: fpp dataset check {self.path}"
             ) from error
-        if data is None:
-            return np.full(shape, empty, dtype)
-        return np.frombuffer(data, dtype).reshape(shape)
 
     def view(self, index: int) -> View:
         """What the camera sees in view `index`; photograph it under any pattern."""
@@ -118,12 +114,10 @@ class Store:
 
     def position(self, fringe: Fringe, step: int) -> int:
         """Position of a photograph among the stored ones: equal pitch, equal shift."""
-        first = 0
-        for stored in self.fringes:
-            same = np.flatnonzero(np.isclose(stored.shifts, fringe.shifts[step]))
-            if stored.pitch == fringe.pitch and len(same):
-                return first + int(same[0])
-            first += stored.steps
+        shots = ((stored.pitch, shift) for stored in self.fringes for shift in stored.shifts)
+        for place, (pitch, shift) in enumerate(shots):
+            if pitch == fringe.pitch and math.isclose(shift, fringe.shifts[step], abs_tol=1e-8):
+                return place
         raise ValueError(
             f"step {step} of {fringe.steps} at pitch {fringe.pitch} asked for; {self.path} holds "
             f"{[(f.pitch, f.steps) for f in self.fringes]} (pitch, steps)"
@@ -140,8 +134,6 @@ class Store:
 def open_store(path: str | Path) -> Store:
     """A finished dataset; ValueError if it is not finished, damaged or too new. Chapter 7.
 
-    Examples
-    --------
     >>> store = open_store("data/tiny")  # the one that ships with the book
     >>> store.splits(), len(store.indices("training"))
     (['training', 'validation', 'test', 'held-out'], 64)
@@ -153,6 +145,9 @@ def open_store(path: str | Path) -> Store:
         raise ValueError(
             f"{path} is not finished; run the command that generates it again, it goes on"
         )
+    needed = (*layout.PLAN, "records", "extremes", "content")
+    if lacking := [name for name in needed if name not in manifest]:
+        raise ValueError(f"{path / layout.MANIFEST} is damaged (no {lacking[0]}); generate anew")
     return Store(path, manifest)
 
 
@@ -162,27 +157,29 @@ def check_files(path: str | Path) -> list[str]:
     Shards are held against their records, records against shards and seeds, and the arrays'
     metadata, which serve other readers, against what the same version of Zarr writes.
 
-    Examples
-    --------
     >>> check_files("data/tiny")
     []
     """
-    from fpputil.dataset.generation import faults
+    from fpputil.dataset.generation import complete, faults
 
     store = open_store(path)
-    records, wrong = store.manifest["records"], []
-    for number, record in enumerate(records):
-        wrong += faults(store.path, store.manifest, number, record)
-    if layout.content(records) != store.checksum:
-        wrong.append(f"{layout.MANIFEST}: its records are not as they were written")
-    metadata = layout.metadata_files(store.manifest)
-    same = store.manifest["versions"]["zarr"] == layout.zarr.__version__
+    manifest, wrong, changed = store.manifest, [], "not as it was written"
+    try:
+        for number, record in enumerate(manifest["records"]):
+            wrong += faults(store.path, manifest, number, record)
+        if not wrong and complete(store.path, manifest, manifest["records"]) != manifest:
+            wrong.append(f"{layout.MANIFEST}: {changed}")
+        shards = {name for record in manifest["records"] for name in record["shards"]}
+        same = manifest["versions"]["zarr"] == layout.zarr.__version__
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        return [f"{layout.MANIFEST}: {changed} ({type(error).__name__}: {error})"]
+    metadata = layout.metadata_files(manifest)
     for name, data in metadata.items():
         file = store.path / name
         if not file.is_file():
             wrong.append(f"{name}: missing")
         elif same and file.read_bytes() != data:
-            wrong.append(f"{name}: not as it was written")
-    known = {*metadata, layout.MANIFEST, layout.LOCK, *(n for r in records for n in r["shards"])}
+            wrong.append(f"{name}: {changed}")
+    known = {*metadata, *shards, layout.MANIFEST, layout.LOCK}
     names = {f.relative_to(store.path).as_posix() for f in store.path.rglob("*") if f.is_file()}
     return wrong + [f"{name}: not part of the dataset" for name in sorted(names - known)]

@@ -61,7 +61,7 @@ def search_learning_rate(
                 tried[f"{rate:g}"] = measured | {"seconds": last["seconds"]}
             except FloatingPointError:
                 tried[f"{rate:g}"] = {"mae": None}
-            search["hardware"] = hardware(device_of(how.get("device") or "cpu"))
+            search["hardware"] = hardware(device_of(how.get("device")))
             write_whole(path, f"{json.dumps(search, indent=1)}\n".encode())
     return {kind: _best(search["runs"][kind]) for kind in kinds}
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-import torch
 from filelock import FileLock, Timeout
 
 from fpputil.dataset.augmentation import Augmentation
@@ -195,9 +194,8 @@ def make_run(
                 _, history = fit(method, data, settings, folder, resume=resume, **how)
                 trained = load_weights(folder / WEIGHTS)
                 record = {**identity, "checksum": store.checksum, **_costs(trained, history)}
-                device = how.get("device") or ("cuda" if torch.cuda.is_available() else "cpu")
-                loading = {"workers": 0, "progress": False, **how, "device": device}
-                loading["precision"] = "float32"  # on every device alike
+                # By default where `fit` trains; the precision is alike on every device.
+                loading = {"device": None, **how, "precision": "float32"}
                 record |= assess(trained, data, path.with_suffix(".npz"), **loading)
                 write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
                 write_whole(path, f"{json.dumps(short(record), separators=(',', ':'))}\n".encode())
@@ -268,6 +266,7 @@ class Results:
     path: Path
     runs: dict[str, Run]  # by name
     seeded: dict[str, Run]  # from whose seeds to tell how far a seed moves a measure
+    _rows: dict = field(default_factory=dict, repr=False)  # of tables that were asked for
 
     def seeds(self, name: str) -> list[Run]:
         """The runs of a row, one a seed."""
@@ -275,15 +274,11 @@ class Results:
 
     def rows(self, number: int | str, *names: str) -> dict[str, tables.Row]:
         """Rows of a table by the name of their run: all, or some."""
-        if number not in self._rows:  # a table, its differences and its text share them
+        if number not in self._rows:
             table = tables.table(number, self.runs, self.seeded)
             self._rows[number] = {row.name: row for row in table}
         rows = self._rows[number]
         return {name: rows[name] for name in names or rows}
-
-    @cached_property
-    def _rows(self) -> dict:
-        return {}
 
     def table(self, number: int | str, *names: str) -> Table:
         """A table of the paper, 3 to 6, or "ours", with the paper's values below ours."""
@@ -294,10 +289,10 @@ class Results:
         """By how much the MAE of each row of a table lies above SFNet's."""
         return tables.differences_table(self.rows(number, *names).values())
 
-    def difference(self, a: str, b: str, measure="mae_rad", part="test") -> Interval:
+    def difference(self, a: str, b: str, measure="mae_rad") -> Interval:
         """A measure of one row above that of another."""
-        spreads = {measure: self.seed_variation(measure)}
-        return statistics.difference(self.seeds(a), self.seeds(b), spreads, measure, part)
+        spread = self.seed_variation(measure)
+        return statistics.difference(self.seeds(a), self.seeds(b), spread, measure)
 
     def mean(self, name: str, measure="mae_rad", part="test") -> float:
         """A measure of a row, the mean over its seeds."""

@@ -1,9 +1,8 @@
 """How sure a measure of a run is, and the difference of two (chapters 10 and 11).
 
-Two things make a mean uncertain: which models were measured, and which seed the network was
-trained from. Models are drawn anew (all runs are measured on the same, so that a difference is
-drawn pair by pair); how much a seed moves a measure is pooled over the rows of a method that have
-several seeds, in parts of the measure, and counts for its rows with one seed, too.
+Two things make a mean uncertain: the models that were measured, and the seed that the network was
+trained from. Models are drawn anew, the same for all runs; how much a seed moves a measure is
+pooled over the rows of a method that have several seeds, and counts for its other rows, too.
 """
 
 from __future__ import annotations
@@ -63,8 +62,10 @@ def seeds_of(name: str, runs: Mapping, several: bool = True) -> list:
     return [runs[n] for n in names if n in runs]
 
 
-def bootstrap(runs: Sequence, measure: str, part="test", seed=0, draws=1000) -> np.ndarray:
+def bootstrap(runs: Sequence, measure: str, part="test", draws=1000) -> np.ndarray:
     """A measure of a row, the mean over its seeds: of all models, then of each draw of models.
+
+    All rows are drawn alike, so that they may be subtracted.
 
     Parameters
     ----------
@@ -72,8 +73,6 @@ def bootstrap(runs: Sequence, measure: str, part="test", seed=0, draws=1000) -> 
         Of the row, one a seed, measured on the same models.
     measure, part : str
         One of `MEASURES` and of `Run.parts`: "test", "held-out", or the name of a condition.
-    seed : int
-        Of the draws. With the same seed, rows are drawn alike and may be subtracted.
 
     Returns
     -------
@@ -84,7 +83,7 @@ def bootstrap(runs: Sequence, measure: str, part="test", seed=0, draws=1000) -> 
     if len({tuple(p.models) for p in parts}) != 1:
         raise ValueError("runs measured on different models given; they cannot be compared")
     sums = np.array([p.sums[kind] for p in parts], float)  # (seeds, models, 3)
-    pooled = np.einsum("dm,smk->dsk", draws_of_models(sums.shape[1], draws, seed), sums)
+    pooled = np.einsum("dm,smk->dsk", draws_of_models(sums.shape[1], draws), sums)
     values = pooled[..., 2 if root else 1] / pooled[..., 0]
     return (np.sqrt(values) if root else values).mean(axis=1)
 
@@ -130,9 +129,9 @@ def interval(values: np.ndarray, by_seeds: float, freedom: float) -> Interval:
     return Interval(float(values[0]), float(values[0] - half), float(values[0] + half))
 
 
-def measures_of(runs: Sequence, spreads: Mapping[str, Spread], part="test") -> dict[str, Interval]:
+def measures_of(runs: Sequence, spreads: Mapping[str, Spread]) -> dict[str, Interval]:
     """Each of `MEASURES` that a row has; `seed_variation` of each is given."""
-    draws = {m: bootstrap(runs, m, part) for m in MEASURES if _has(runs[0], m)}
+    draws = {m: bootstrap(runs, m) for m in MEASURES if _has(runs[0], m)}
     return {
         measure: interval(values, *seed_error([(runs, values[0])], spreads[measure]))
         for measure, values in draws.items()
@@ -143,10 +142,7 @@ def _has(run, measure: str) -> bool:
     return MEASURES[measure][0] in run.parts["test"].sums
 
 
-def difference(
-    a: Sequence, b: Sequence, spreads: Mapping[str, Spread], measure="mae_rad", part="test"
-) -> Interval:
-    """A measure of the runs of one row above that of another."""
-    one, other = (bootstrap(runs, measure, part) for runs in (a, b))
-    moved = seed_error([(a, one[0]), (b, other[0])], spreads[measure])
-    return interval(one - other, *moved)
+def difference(a: Sequence, b: Sequence, spread: Spread, measure="mae_rad") -> Interval:
+    """A measure of the runs of one row above that of another; `seed_variation` of it is given."""
+    one, other = (bootstrap(runs, measure) for runs in (a, b))
+    return interval(one - other, *seed_error([(a, one[0]), (b, other[0])], spread))

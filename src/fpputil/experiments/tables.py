@@ -13,36 +13,24 @@ from fpputil.experiments.statistics import MEASURES, Interval, seeds_of
 from fpputil.notebook import Table
 
 PAPER = {
-    3: {
-        "SFNet": (0.0527, 0.6543, 0.0790, 1.2359),
-        "SIDO": (0.3610, 1.2945, 1.6966, 5.5933),
-        "PSNet": (0.0754, 0.6759, 0.1600, 1.8549),
-        "DLALNet": (0.0908, 1.3113, 0.1438, 1.8469),
-    },
-    4: {
-        "A": (0.0744, 0.8241, 0.1589, 1.8864),
-        "B": (0.0546, 0.6722, 0.0865, 1.2899),
-        "C": (0.0527, 0.6543, 0.0790, 1.2359),
-    },
-    5: {
-        "1 + 1": (0.0527, 0.6543, 0.0790, 1.2359),
-        "2 + 2": (0.0482, 0.5581, 0.0571, 1.1621),
-        "3 + 3": (0.0441, 0.5446, 0.0477, 1.1042),
-    },
-    6: {
-        "1e-1, 1e-5": (0.0541, 0.6707, 0.0797, 1.2594),
-        "1e-1, 1e-6": (0.0524, 0.6546, 0.0799, 1.3225),
-        "1e-1, 1e-7": (0.0552, 0.6841, 0.0811, 1.3368),
-        "1e-2, 1e-5": (0.0562, 0.7082, 0.0832, 1.2875),
-        "1e-2, 1e-6": (0.0527, 0.6543, 0.0790, 1.2359),
-        "1e-2, 1e-7": (0.0508, 0.6557, 0.0801, 1.2567),
-        "1e-3, 1e-5": (0.0562, 0.6976, 0.0808, 1.2580),
-        "1e-3, 1e-6": (0.0547, 0.6723, 0.0829, 1.2834),
-        "1e-3, 1e-7": (0.0598, 0.7004, 0.0851, 1.2927),
-    },
-    "ours": {},
+    "sfnet": (0.0527, 0.6543, 0.0790, 1.2359),
+    "sido": (0.3610, 1.2945, 1.6966, 5.5933),
+    "psnet": (0.0754, 0.6759, 0.1600, 1.8549),
+    "dlalnet": (0.0908, 1.3113, 0.1438, 1.8469),
+    "sfnet-a": (0.0744, 0.8241, 0.1589, 1.8864),
+    "sfnet-b": (0.0546, 0.6722, 0.0865, 1.2899),
+    "sfnet-2-frames": (0.0482, 0.5581, 0.0571, 1.1621),
+    "sfnet-3-frames": (0.0441, 0.5446, 0.0477, 1.1042),
+    "sfnet-1e-1-1e-5": (0.0541, 0.6707, 0.0797, 1.2594),
+    "sfnet-1e-1-1e-6": (0.0524, 0.6546, 0.0799, 1.3225),
+    "sfnet-1e-1-1e-7": (0.0552, 0.6841, 0.0811, 1.3368),
+    "sfnet-1e-2-1e-5": (0.0562, 0.7082, 0.0832, 1.2875),
+    "sfnet-1e-2-1e-7": (0.0508, 0.6557, 0.0801, 1.2567),
+    "sfnet-1e-3-1e-5": (0.0562, 0.6976, 0.0808, 1.2580),
+    "sfnet-1e-3-1e-6": (0.0547, 0.6723, 0.0829, 1.2834),
+    "sfnet-1e-3-1e-7": (0.0598, 0.7004, 0.0851, 1.2927),
 }
-"""MAE and RMSE in rad, MAE and RMSE in mm, as printed in the paper."""
+"""MAE and RMSE in rad, MAE and RMSE in mm, as printed in the paper, by name of the run."""
 
 COLUMNS = {
     "mae_rad": ("MAE, rad", 1, 4),
@@ -86,9 +74,9 @@ def table(number: int | str, runs: Mapping, seeded: Mapping | None = None) -> li
     for label, name in ROWS[number].items():
         if row := seeds_of(name, runs, several):
             pair = reference and name != "sfnet"
-            apart = statistics.difference(row, reference, spreads) if pair else None
+            apart = statistics.difference(row, reference, spreads["mae_rad"]) if pair else None
             measures = statistics.measures_of(row, spreads)
-            rows.append(Row(label, name, len(row), measures, apart, PAPER[number].get(label)))
+            rows.append(Row(label, name, len(row), measures, apart, PAPER.get(name)))
     return rows
 
 
@@ -122,11 +110,11 @@ def _plus_minus(measure: Sequence, scale: float, decimals: int) -> str:
 
 def differences_table(rows: Sequence[Row]) -> Table:
     """By how much the MAE of each row lies above SFNet's, with its interval, row by row."""
-    lines = []
-    for row in rows:
-        if row.difference:
-            told = "" if row.difference.low * row.difference.high > 0 else "not told apart"
-            lines.append([row.label, f"{row.difference:+.4f}", told])
+    above = {row.label: row.difference for row in rows if row.difference}
+    lines = [
+        [label, f"{apart:+.4f}", "" if apart.low * apart.high > 0 else "not told apart"]
+        for label, apart in above.items()
+    ]
     return Table(["", "MAE above that of SFNet, rad", ""], lines)
 
 

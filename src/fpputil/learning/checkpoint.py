@@ -15,7 +15,7 @@ from torch import nn
 from torch.optim import Optimizer
 
 from fpputil.files import write_whole
-from fpputil.learning.weights import read_metadata
+from fpputil.learning.weights import check_fit, read_metadata
 
 FORMAT = "fpputil run 3"
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
@@ -48,12 +48,7 @@ def restore(path: Path, network: nn.Module, optimiser: Optimizer) -> dict:
     for k, weight in enumerate(weights):
         of_moments = ((), weight.shape, weight.shape)
         shapes |= {f"optimiser.{k}.{m}": s for m, s in zip(MOMENTS, of_moments, strict=True)}
-    saved = {name: tensor.shape for name, tensor in tensors.items()}
-    if wrong := sorted(k for k in shapes | saved if shapes.get(k) != saved.get(k)):
-        raise ValueError(
-            f"{path} does not fit this network: {wrong[0]} and {len(wrong) - 1} more tensors "
-            "are missing, extra or of another shape"
-        )
+    check_fit(path, tensors, shapes)
     network.load_state_dict({k: tensors[f"network.{k}"] for k in network.state_dict()})
     moments = {k: {m: tensors[f"optimiser.{k}.{m}"] for m in MOMENTS} for k in range(len(weights))}
     for k, weight in enumerate(weights):  # in its memory layout, channels last or not

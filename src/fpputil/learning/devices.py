@@ -27,8 +27,12 @@ def bfloat16_unit(device: torch.device) -> bool:
     return not {"amx_bf16", "avx512_bf16"}.isdisjoint(words)
 
 
-def device_of(name: str) -> torch.device:
-    """The device of a name: "cpu", "cuda" (of several processes each takes its own) or "cuda:1"."""
+def device_of(name: str | None = None) -> torch.device:
+    """The device of a name: "cpu", "cuda" (of several processes each takes its own) or "cuda:1".
+
+    By default CUDA if torch can use it.
+    """
+    name = name or ("cuda" if torch.cuda.is_available() else "cpu")
     kind, _, number = name.partition(":")
     if kind not in ("cpu", "cuda") or not (number.isdecimal() or number == ""):
         raise ValueError(f"device {name!r} given; cpu, cuda, cuda:0, cuda:1 ... are known")
@@ -110,14 +114,14 @@ class Processes:
 
 @contextmanager
 def processes(device: str | None = None) -> Iterator[Processes]:
-    """This process among those that `torchrun` started, or alone; by default on CUDA if it can.
+    """This process among those that `torchrun` started, or alone.
 
     >>> with processes("cpu") as group:
     ...     group.size, group.total(1.5, 2)
     (1, [1.5, 2.0])
     """
     rank, size = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
-    device = device_of(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    device = device_of(device)
     if device.type == "cuda":
         torch.cuda.set_device(device)
     if size > 1:

@@ -18,7 +18,7 @@ from fpputil.decoding.triangulation import column, triangulate
 from fpputil.learning.devices import PRECISIONS, device_of, forward, precision_of
 from fpputil.learning.loaders import closing, loader_options
 from fpputil.learning.metrics import Score, errors
-from fpputil.learning.weights import Trained
+from fpputil.learning.weights import Trained, check_rig
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.targets import true_reference
 from fpputil.networks.unet import lowered
@@ -42,7 +42,9 @@ class Prediction:
     Phi_from_one: np.ndarray
 
 
-def moved(trained: Trained, device: str, precision: str) -> tuple[Trained, torch.device, str]:
+def moved(
+    trained: Trained, device: str | None, precision: str
+) -> tuple[Trained, torch.device, str]:
     """A network ready to measure: device and precision as torch has them."""
     device = device_of(device)
     precision = precision_of(precision, device)
@@ -90,9 +92,7 @@ def open_split(
 
     ValueError if camera or pitches are not those the network was trained for, or it does not say.
     """
-    lacking = [k for k in ("pitches", "camera", "extremes") if k not in trained.metadata]
-    if lacking:
-        raise ValueError(f"these weights do not say for which {lacking[0]} they are")
+    check_rig(trained)
     options = {"extremes": trained.metadata["extremes"], "texture": texture}
     data = SynthFringe(path, split, trained.method.photographs, augmentation, seed, **options)
     camera = data.store.system.camera
@@ -112,7 +112,7 @@ def predictions(
     *,
     views: Sequence[int] | None = None,
     workers: int = 0,
-    device: str = "cpu",
+    device: str | None = "cpu",
     precision: str = "float32",
     progress: bool = False,
 ) -> Iterator[tuple[dict[str, np.ndarray], Prediction]]:

@@ -144,8 +144,6 @@ def draws_of_models(number: int, draws: int, seed: int = 0) -> np.ndarray:
 
     Times sums over each model, (number, ...), the (draws + 1, number) floats are those of a draw.
 
-    Examples
-    --------
     >>> draws_of_models(4, 2)
     array([[1., 1., 1., 1.],
            [1., 0., 0., 3.],
@@ -165,19 +163,20 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
 
 def _measures(pooled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Measures, one a row of the pooled sums."""
+    means = {kind: sums[:, 2] / sums[:, 1] for kind, sums in pooled.items()}
     out = {}
     for unit in ("rad", "mm"):
-        _, number, total, square = pooled[unit][:, :4].T
-        out[f"mae_{unit}"] = total / number
-        out[f"rmse_{unit}"] = np.sqrt(square / number)
+        out[f"mae_{unit}"] = means[unit]
+        out[f"rmse_{unit}"] = np.sqrt(pooled[unit][:, 3] / pooled[unit][:, 1])
         out[f"median_{unit}"] = _median(pooled[unit][:, 4:])
-    share = {"order": "order_errors", "spike": "spikes", "own_spike": "spikes_of_truth"}
-    for kind, name in {**share, "insensitive": "insensitive"}.items():
-        out[name] = pooled[kind][:, 2] / pooled[kind][:, 1]
-    out["no_depth"] = 1 - pooled["mm"][:, 1] / pooled["mm"][:, 0]
-    for kind in {"high", "low"} & set(pooled):
-        out[f"mae_{kind}"] = pooled[kind][:, 2] / pooled[kind][:, 1]
-    return out
+    out |= {
+        "order_errors": means["order"],
+        "spikes": means["spike"],
+        "spikes_of_truth": means["own_spike"],
+        "insensitive": means["insensitive"],
+        "no_depth": 1 - pooled["mm"][:, 1] / pooled["mm"][:, 0],
+    }
+    return out | {f"mae_{kind}": means[kind] for kind in ("high", "low") if kind in means}
 
 
 def _median(counts: np.ndarray) -> np.ndarray:

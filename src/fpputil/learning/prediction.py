@@ -12,7 +12,7 @@ from scipy.ndimage import grey_closing, grey_opening
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.learning.evaluation import moved, predict_batch
-from fpputil.learning.weights import Trained
+from fpputil.learning.weights import Trained, check_rig
 from fpputil.networks.geometry import Geometry
 from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import Pitches, System
@@ -77,8 +77,7 @@ def expected_photographs(trained: Trained) -> list[str]:
     >>> expected_photographs(Trained(SFNetMethod(), None, made_for))
     ['pitch 24 (high), step 0 of 15', 'pitch 304 (zmin), step 0 of 15']
     """
-    if lacking := {"pitches", "camera", "extremes"} - set(trained.metadata):
-        raise ValueError(f"these weights do not say for which {min(lacking)} they are")
+    check_rig(trained)
     pitches, shots = trained.metadata["pitches"], trained.method.photographs
     return [f"pitch {pitches[name]:g} ({name}), step {n} of {steps}" for name, steps, n in shots]
 

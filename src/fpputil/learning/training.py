@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -140,7 +142,7 @@ def fit(
                 data.set_epoch(epoch)
                 batches.epoch = epoch
                 network.train()
-                sums, began = {}, time.perf_counter()
+                sums, began = Counter(), time.perf_counter()
                 for step, batch in enumerate(loader):
                     batch = {k: v.to(group.device, non_blocking=True) for k, v in batch.items()}
                     # seed, epoch, batch and process alone decide what dropout drops
@@ -157,8 +159,7 @@ def fit(
                     optimiser.step()
                     if isinstance(schedule, OneCycleLR):
                         schedule.step()
-                    for k, v in losses.items():
-                        sums[k] = sums.get(k, 0.0) + v.item()
+                    sums.update({k: v.item() for k, v in losses.items()})
                     bar.update(len(batch["index"]) * group.size)
                 seconds = time.perf_counter() - began
 
@@ -166,13 +167,14 @@ def fit(
                 errors = validate(method, network, validation, geometry, precision, group)
                 mae = errors["validation_mae"]
                 _require_finite("the network answers with", mae, f"after epoch {epoch + 1}")
-                means = group.total(*(sums[k] for k in sorted(sums)))
-                means = [total / group.size / len(batches) for total in means]
+                names = sorted(sums)
+                totals = group.total(*(sums[k] for k in names))
+                means = [total / group.size / len(batches) for total in totals]
                 row = {
                     "epoch": epoch + 1,
                     "images": images * (epoch + 1),
                     "learning_rate": optimiser.param_groups[0]["lr"],
-                    **dict(zip(sorted(sums), means, strict=True)),
+                    **dict(zip(names, means, strict=True)),
                     **errors,
                     "seconds": seconds,
                     "images_a_second": images / seconds,
@@ -273,47 +275,40 @@ def claim(out: Path, config: dict, resume: bool) -> None:
         )
     if left and not resume:
         raise ValueError(f"{out} holds a run already; resume it, or name another folder")
-    if resume and (out / CONFIG).is_file():
-        try:
-            saved = json.loads((out / CONFIG).read_bytes())
-        except ValueError as error:
-            raise ValueError(f"{out / CONFIG} is cut or no config of a run ({error})") from error
-        if difference := _first_difference(saved, plain(config)):
-            name, before, now = difference
-            raise ValueError(
-                f"the run in {out} has {name} {before}, and {now} is asked for; a run is resumed "
-                "with the settings and data it began with"
-            )
+    if not (resume and (out / CONFIG).is_file()):
+        out.mkdir(parents=True, exist_ok=True)
+        write_whole(out / CONFIG, f"{json.dumps(config, indent=1)}\n".encode())
         return
-    out.mkdir(parents=True, exist_ok=True)
-    write_whole(out / CONFIG, f"{json.dumps(config, indent=1)}\n".encode())
+    try:
+        changes = list(_differences(json.loads((out / CONFIG).read_bytes()), plain(config)))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{out / CONFIG} is cut or no config of a run ({error})") from error
+    for name, before, now in changes:
+        raise ValueError(
+            f"the run in {out} has {name} {before}, and {now} is asked for; a run is resumed with "
+            "the settings and data it began with"
+        )
 
 
 def check_start(start: Trained, method: Method) -> None:
     """ValueError if the network to begin with has another architecture."""
     aside = {"weights": None, "dropout": None}
     pair = (settings_of(m) | aside for m in (start.method, method))
-    if difference := _first_difference(*pair):
-        name, before, now = difference
+    for name, before, now in _differences(*pair):
         raise ValueError(
             f"a network with {name} {before} to begin with given, and one with {now} is to be "
             "trained; only losses and dropout may differ"
         )
 
 
-def _first_difference(before: dict, now: dict) -> tuple | None:
-    """Name and both values of the first entry in which two nested dicts differ."""
-    before, now = _flat(before), _flat(now)
-    names = (name for name in {**before, **now} if before.get(name) != now.get(name))
-    return next(((name, before.get(name), now.get(name)) for name in names), None)
-
-
-def _flat(value, name: str = "") -> dict:
-    """Entries of nested dicts by their names, joined by dots."""
-    if not isinstance(value, dict):
-        return {name: value}
-    flat = [_flat(inner, f"{name}.{key}".lstrip(".")) for key, inner in value.items()]
-    return {k: v for part in flat for k, v in part.items()}
+def _differences(before: dict, now: dict, prefix: str = "") -> Iterator[tuple]:
+    """Dotted name and both values of each entry in which two nested dicts differ."""
+    for key in before | now:
+        a, b = before.get(key), now.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from _differences(a, b, f"{prefix}{key}.")
+        elif a != b:
+            yield f"{prefix}{key}", a, b
 
 
 def _require_finite(what: str, value: float, where: str) -> None:

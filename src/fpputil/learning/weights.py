@@ -32,6 +32,12 @@ class Trained:
     metadata: dict = field(default_factory=dict)
 
 
+def check_rig(trained: Trained) -> None:
+    """ValueError unless weights say for which pitches, camera and grey levels they are."""
+    if lacking := {"pitches", "camera", "extremes"} - set(trained.metadata):
+        raise ValueError(f"these weights do not say for which {min(lacking)} they are")
+
+
 def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> None:
     """Write a network whole or not at all; in 16 bit unless another dtype is given."""
     path = _name(path)
@@ -61,7 +67,10 @@ def load_weights(path: str | Path) -> Trained:
         raise ValueError(f"{path} describes no method of this version: {error}") from error
     with torch.random.fork_rng(devices=[]):
         network = method.network()
-    _fill(network, tensors, path)
+    check_fit(path, tensors, {k: v.shape for k, v in network.state_dict().items()})
+    if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
+        raise ValueError(f"{path} holds weights that are not finite")
+    network.load_state_dict(tensors)
     return Trained(method, network.eval(), metadata)
 
 
@@ -130,18 +139,14 @@ def checksum(network: nn.Module) -> str:
     return hashlib.sha256(save(tensors)).hexdigest()
 
 
-def _fill(network: nn.Module, tensors: dict, path) -> None:
-    """Put tensors into a network; ValueError unless names and shapes are the same."""
-    weights = network.state_dict()
-    wrong = [k for k in weights if k not in tensors or tensors[k].shape != weights[k].shape]
-    if wrong := wrong + [k for k in tensors if k not in weights]:
+def check_fit(path: Path, tensors: dict, shapes: dict) -> None:
+    """ValueError unless tensors of a file have the names and shapes that its network needs."""
+    saved = {name: tensor.shape for name, tensor in tensors.items()}
+    if wrong := sorted(k for k in shapes | saved if shapes.get(k) != saved.get(k)):
         raise ValueError(
-            f"{path} does not fit the network it describes: {wrong[0]} and "
-            f"{len(wrong) - 1} more are missing, extra or of another shape"
+            f"{path} does not fit this network: {wrong[0]} and {len(wrong) - 1} more tensors are "
+            "missing, extra or of another shape"
         )
-    if not all(torch.isfinite(t).all() for t in tensors.values()):
-        raise ValueError(f"{path} holds weights that are not finite")
-    network.load_state_dict({k: v.to(weights[k].dtype) for k, v in tensors.items()})
 
 
 def _name(path: str | Path) -> Path:
