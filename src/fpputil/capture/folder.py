@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import tifffile
+import trimesh
 from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
@@ -36,8 +37,8 @@ class DecodedFolder:
     measurements, findings : tuples of Measurement and Finding
         Of each axis of the patterns; what speaks against them.
     points : (H, W, 3) array or None
-        World coordinates, mm; NaN outside mask and measuring range. None without a system,
-        without fringes along columns, or if the phases are wrong.
+        World coordinates, mm; NaN outside mask and measuring range. None without a system or
+        fringes along columns, or if the phases are wrong.
     """
 
     out: Path
@@ -71,18 +72,13 @@ def decode_folder(
 
     Parameters
     ----------
-    folder : path
-        Photographs.
-    out : path, optional
-        New folder; by default ``FOLDER-decoded``.
-    patterns, full
-        As of `open_capture`.
-    system, threshold, gamma, noise
-        As of `measure`; with a system there are points and depths, mm.
-    accept, report, pictures : bool
-        Write phases although they are wrong; write ``report.html``; write TIFF files.
-    force, progress : bool
-        Take the place of `out`; show a bar in a terminal.
+    folder, out : path
+        Photographs, and a new folder; by default ``FOLDER-decoded``.
+    patterns, full, system, threshold, gamma, noise
+        As of `open_capture` and `measure`; with a system there are points and depths.
+    accept, report, pictures, force, progress : bool
+        Write phases although they are wrong; write ``report.html``; write TIFF files; take the
+        place of `out`; show a bar in a terminal.
 
     Raises
     ------
@@ -162,10 +158,8 @@ def board_pose(
 
     Returns
     -------
-    Pose
-        What `fpputil.calibration.calibrate` takes, called like the folder.
-    (width, height)
-        Of the projector, pixels.
+    Pose, (width, height)
+        What `fpputil.calibration.calibrate` takes, called like the folder; the projector's pixels.
 
     Raises
     ------
@@ -179,8 +173,7 @@ def board_pose(
             "columns and rows (`fpp patterns --axis both`)"
         )
     across, down = (measure(capture, axis) for axis in ("column", "row"))
-    severe = [f.message for one in (across, down) for f in diagnose(one, capture) if f.severe]
-    if severe:
+    if severe := [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]:
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)
@@ -188,20 +181,11 @@ def board_pose(
 
 
 def _save_points(path: Path, points, colours, sigma) -> int:
-    """Write the finite points as binary PLY; returns their number.
-
-    Each has its colour and the standard deviation of its depth, `sigma`, mm: a property of the
-    vertices that trimesh does not write with a point cloud.
-    """
+    """Write the finite points as PLY, each with the `sigma` of its depth, mm; returns how many."""
     keep = np.isfinite(points).all(axis=-1) & np.isfinite(sigma)
     if not keep.any():
         raise ValueError("no point inside the measuring range; is the system the capture's own?")
-    columns = np.column_stack([points[keep], sigma[keep]]).astype("<f4")
-    vertices = np.empty(len(columns), [("floats", "<f4", 4), ("colours", "u1", 3)])
-    vertices["floats"], vertices["colours"] = columns, colours[keep]
-    properties = [f"property float {name}" for name in ("x", "y", "z", "sigma")]
-    properties += [f"property uchar {name}" for name in ("red", "green", "blue")]
-    head = ["ply", "format binary_little_endian 1.0", "comment mm"]
-    head += [f"element vertex {len(vertices)}", *properties, "end_header", ""]
-    write_whole(path, "\n".join(head).encode() + vertices.tobytes())
-    return len(vertices)
+    cloud = trimesh.PointCloud(points[keep], colours[keep])
+    cloud.vertex_attributes = {"sigma": sigma[keep].astype("f4")}  # written as those of a mesh are
+    write_whole(path, cloud.export(file_type="ply"))
+    return len(cloud.vertices)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from typing import NamedTuple
 
 import cv2
@@ -125,14 +126,9 @@ class Noise:
 def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
     """Noise of photographs of phase-shifted fringes. Chapter 12.
 
-    In each class of grey level the pixels that scatter most, at edges or by motion, do not count.
-
-    Parameters
-    ----------
-    sample : sequence of (N, S) arrays
-        All steps of each fringe at S pixels, grey levels of 255.
-    threshold : float
-        Least modulation of pixels that count, grey levels.
+    Of each fringe the sample has all steps at S pixels, (N, S), grey levels of 255. Pixels of less
+    modulation than `threshold` do not count, nor in each class of grey level those that scatter
+    most, at edges or by motion.
 
     Examples
     --------
@@ -201,12 +197,10 @@ def judge(
 
     Parameters
     ----------
-    fits, fringes : sequences of P Fit and Fringe
-    Phis : sequence of P (H, W) arrays
-        Absolute phases, radians.
-    noise : Noise
-    threshold : float
-        Least modulation of each pitch, grey levels.
+    fits, fringes, Phis : sequences of P Fit, Fringe and (H, W) arrays
+        Of each pitch; `Phis` are absolute phases, radians.
+    noise, threshold : Noise and float
+        Of the camera; least modulation of each pitch, grey levels.
     method, width
         `unwrap` and `width(axis)` of the `Patterns`.
 
@@ -222,11 +216,12 @@ def judge(
         near 0 if they tell nothing.
     """
     reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
-    pairs = zip(fits, fringes, strict=True)
-    sigmas = [_look(one, fringe.steps, noise, threshold, reason) for one, fringe in pairs]
-    for k in range(len(fits) - 1):
-        sigma = np.hypot(sigmas[k], sigmas[k + 1])
-        _mark_unsteady(fits[k].modulation, fits[k + 1].modulation, sigma, reason)
+    sigmas = [
+        _look(one, fringe.steps, noise, threshold, reason)
+        for one, fringe in zip(fits, fringes, strict=True)
+    ]
+    for (one, other), noises in zip(pairwise(fits), pairwise(sigmas), strict=True):
+        _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), reason)
     means = []
     for apart, sigma in _apart(Phis, pitches, sigmas, method):
         turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD])
@@ -300,13 +295,13 @@ def _apart(Phis, pitches, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarr
 
     By beats also the columns of neighbouring beats, and of their beats.
     """
-    for k, (p, q) in enumerate(zip(pitches, pitches[1:], strict=False)):
+    for k, (p, q) in enumerate(pairwise(pitches)):
         step = TWO_PI * order_step(method, p, q)
         one, other = np.float32(p / step), np.float32(q / step)
         apart = Phis[k] * one - Phis[k + 1] * other
         yield apart, np.hypot(sigmas[k] * one, sigmas[k + 1] * other)
     if method == "mw" and len(pitches) > 2:
-        beats = [beat(p, q) for p, q in zip(pitches, pitches[1:], strict=False)]
+        beats = [beat(p, q) for p, q in pairwise(pitches)]
         order = np.argsort(beats)
         both = [np.hypot(sigmas[j], sigmas[j + 1]) for j in order]  # a difference has both's noise
         Phis = [Phis[j] - Phis[j + 1] for j in order]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from jinja2 import Environment, PackageLoader
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
@@ -38,18 +38,18 @@ def page(
 
     It takes the `Measurement` of each axis, the findings of all of them, and the depth, (H, W), mm.
     """
-    from jinja2 import Environment
-
     pictures = {}
     for one in measurements:
         figure, file = overview(one, depth if one.axis == "column" else None), io.BytesIO()
         figure.savefig(file, format="png", dpi=100)
         plt.close(figure)
         pictures[one.axis] = base64.b64encode(file.getvalue()).decode()
-    text = Path(__file__).with_name("report.html").read_text(encoding="utf-8")
-    template = Environment(autoescape=True, trim_blocks=True).from_string(text)
+    templates = Environment(
+        loader=PackageLoader("fpputil", "capture"), autoescape=True, trim_blocks=True
+    )
     numbers = {one.axis: report_numbers(one) for one in measurements}
-    return template.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
+    page = templates.get_template("report.html")
+    return page.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
 
 
 def report_numbers(measurement: Measurement) -> dict[str, str]:
