@@ -50,8 +50,8 @@ class Board:
         whole("columns", self.columns, LEAST)
         whole("rows", self.rows, LEAST)
         positive("square", self.square, "mm")
-        if self.kind not in FINDERS:
-            raise ValueError(f"board {self.kind!r} given; the kinds are {', '.join(FINDERS)}")
+        if self.kind not in KINDS:
+            raise ValueError(f"board {self.kind!r} given; the kinds are {', '.join(KINDS)}")
         needed = (self.columns + 1) * (self.rows + 1) // 2
         if self.kind == "charuco" and needed > MARKERS:
             raise ValueError(
@@ -73,18 +73,11 @@ class Board:
     def picture(self, scale: int = 40) -> np.ndarray:
         """The board to print or to render, with a white margin of one square on every side.
 
-        Parameters
-        ----------
-        scale : int
-            Pixels a square, 16 or more.
-
-        Returns
-        -------
-        ((rows + 3) * scale, (columns + 3) * scale) uint8 array
+        Of `scale`, 16 or more, pixels a square: ((rows + 3) * scale, (columns + 3) * scale) uint8.
         """
         whole("scale", scale, 16)
-        draw = {"chessboard": _draw_chessboard, "charuco": _draw_charuco, "circles": _draw_circles}
-        return np.pad(draw[self.kind](self, scale), scale, constant_values=255)
+        draw, _ = KINDS[self.kind]
+        return np.pad(draw(self, scale), scale, constant_values=255)
 
     def find(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which points of the board a photograph shows, and where.
@@ -106,8 +99,8 @@ class Board:
         ValueError
             If the image is no finite (H, W) array or does not show the board.
         """
-        image = _check_image(image)
-        corners = FINDERS[self.kind](self, image)
+        _, find = KINDS[self.kind]
+        corners = find(self, _check_image(image))
         if corners is None:
             raise ValueError(
                 f"no {self.kind} of {self.columns} x {self.rows} points found; the board must be "
@@ -174,9 +167,7 @@ def _find_chessboard(board, image):
 
 def _find_charuco(board, image):
     pixels, which, *_ = cv2.aruco.CharucoDetector(board._charuco()).detectBoard(_bytes(image))
-    if which is None:
-        return None
-    which = which.ravel()
+    which = np.ravel([] if which is None else which)
     if min(len(set(which // board.columns)), len(set(which % board.columns))) < LEAST:
         return None
     return _refined(board, image, which, pixels.reshape(-1, 2))
@@ -250,4 +241,8 @@ def _bytes(image):
     return np.rint(image).astype(np.uint8)
 
 
-FINDERS = {"chessboard": _find_chessboard, "charuco": _find_charuco, "circles": _find_circles}
+KINDS = {
+    "chessboard": (_draw_chessboard, _find_chessboard),
+    "charuco": (_draw_charuco, _find_charuco),
+    "circles": (_draw_circles, _find_circles),
+}

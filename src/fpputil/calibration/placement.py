@@ -32,10 +32,8 @@ class PlacedBoard:
         What is printed on it.
     width : float
         Of the picture, mm; the height follows.
-    R : (3, 3) array
-        Rotation from the target's frame to the world.
-    t : (3,) array
-        Middle of the picture in the world, mm.
+    R, t : (3, 3) and (3,) arrays
+        Rotation from the board's frame to the world, and its middle there, mm.
     dark, bright : float
         Albedo where the picture is 0 and 255.
 
@@ -54,7 +52,7 @@ class PlacedBoard:
     bright: float = 0.9
 
     def __post_init__(self):
-        picture, R, t = np.asarray(self.picture), np.asarray(self.R), np.asarray(self.t)
+        picture, t = np.asarray(self.picture), np.asarray(self.t)
         if picture.ndim != 2 or picture.dtype != np.uint8 or 0 in picture.shape:
             raise ValueError(
                 f"picture of shape {picture.shape} and dtype {picture.dtype} given; "
@@ -65,7 +63,9 @@ class PlacedBoard:
             raise ValueError(
                 f"albedo {self.dark} to {self.bright} given; it needs 0 <= dark < bright"
             )
-        _check_pose(R, t)
+        rotation("R", self.R)
+        if t.shape != (3,) or not np.isfinite(t).all():
+            raise ValueError(f"t {t.tolist()} given; a place is (3,), finite, in mm")
 
     @property
     def size(self) -> tuple[float, float]:
@@ -81,10 +81,7 @@ class PlacedBoard:
         return trimesh.Trimesh(world, [(0, 2, 1), (0, 3, 2)], process=False)
 
     def albedo(self, points: np.ndarray) -> np.ndarray:
-        """Albedo, (P,), of world points (P, 3), mm, on the board; what `raycast` asks for.
-
-        The picture goes over its pixels smoothly (bilinear).
-        """
+        """Albedo, (P,), of world points (P, 3), mm, on the board, bilinear; for `raycast`."""
         h, w = np.shape(self.picture)
         local = (np.asarray(points) - self.t) @ self.R
         x, y = local[:, 0] * (w / self.width), local[:, 1] * (w / self.width)
@@ -109,10 +106,8 @@ def place_boards(
 
     Parameters
     ----------
-    number : int
-        Poses.
-    seed : int
-        Of the draws.
+    number, seed : int
+        Of poses; of the draws.
     system : System
         Camera and projector that must both see the whole board inside the measuring range.
     size : (width, height)
@@ -139,13 +134,17 @@ def place_boards(
     (2, (3, 3), (3,))
     """
     whole("number", number, 1)
-    _check_wishes(size, tilt)
+    for name, value in zip(("width", "height"), size, strict=True):
+        positive(name, value, "mm")
+    least, most = tilt
+    if not 0 <= least <= most < 90:
+        raise ValueError(f"tilt {least} to {most} degrees given; it needs 0 <= least <= most < 90")
     rng = seeded(seed)
     start = rng.uniform(0, 2 * np.pi)
     covered, poses = np.zeros((2, CELLS, CELLS), int), []
     for k, share in enumerate(rng.permutation(number)):
         towards = start + 2 * np.pi * k / number
-        angle = np.radians(tilt[0] + (tilt[1] - tilt[0]) * (share + 0.5) / number)
+        angle = np.radians(least + (most - least) * (share + 0.5) / number)
         pose, cells = _best(_draw(rng, system, towards, angle), system, size, covered)
         covered = covered + cells
         poses.append(pose)
@@ -200,18 +199,3 @@ def _rectangle(size, number):
     """Grid of points over a rectangle around the origin, (number * number, 3), row by row."""
     x, y = (np.linspace(-s / 2, s / 2, number) for s in size)
     return np.stack([*np.meshgrid(x, y), np.zeros((number, number))], -1).reshape(-1, 3)
-
-
-def _check_pose(R, t):
-    rotation("R", R)
-    if t.shape != (3,) or not np.isfinite(t).all():
-        raise ValueError(f"t {t.tolist()} given; a place is (3,), finite, in mm")
-
-
-def _check_wishes(size, tilt):
-    for name, value in zip(("width", "height"), size, strict=True):
-        positive(name, value, "mm")
-    if not 0 <= tilt[0] <= tilt[1] < 90:
-        raise ValueError(
-            f"tilt {tilt[0]} to {tilt[1]} degrees given; it needs 0 <= least <= most < 90"
-        )

@@ -30,10 +30,8 @@ class DecodedFolder:
 
     Parameters
     ----------
-    out : Path
-        Where the results lie.
-    summary : dict
-        What ``summary.json`` says; under ``decoded`` whether the phases were written.
+    out, summary : Path and dict
+        Where the results lie; what ``summary.json`` says, under ``decoded`` whether phases do.
     measurements, findings : tuples of Measurement and Finding
         Of each axis of the patterns; what speaks against them.
     points : (H, W, 3) array or None
@@ -103,8 +101,8 @@ def decode_folder(
     """
     start, folder = time.perf_counter(), Path(folder)
     capture = open_capture(folder, patterns, full)
-    name = folder.absolute().name
-    out = folder.with_name(f"{name}-decoded") if out is None else Path(out)
+    folder = folder if folder.name else folder.absolute()  # "." has no name
+    out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     if force and folder.resolve().is_relative_to(out.resolve()):  # they would be deleted
         raise ValueError(f"{out} given for the results; the photographs of {folder} lie there")
     how = {"threshold": threshold, "gamma": gamma, "noise": noise, "system": system}
@@ -139,7 +137,7 @@ def decode_folder(
                     values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
                 tifffile.imwrite(partial / f"{key}.tif", values, photometric="minisblack")
         if report:
-            html = page(f"Decoding of {name}", measurements, findings, depth)
+            html = page(f"Decoding of {folder.name}", measurements, findings, depth)
             (partial / "report.html").write_text(html, encoding="utf-8")
         summary["seconds"] = round(time.perf_counter() - start, 2)
         (partial / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")

@@ -13,11 +13,8 @@ from scipy.optimize import brentq
 from fpputil.checks import positive
 from fpputil.optics.fringes import WHITE
 
-INVERSES = (0.15, 3.0)
-"""Between which 1 / gamma is looked for."""
-
-LEAST_STEPS = 5
-"""With four steps or fewer the second harmonic cannot be told from the fringe or from itself."""
+INVERSES = (0.15, 3.0)  # between which 1 / gamma is looked for
+LEAST_STEPS = 5  # with four the second harmonic cannot be told from the fringe or from itself
 
 
 def linearise(frames, gamma: float, full: float = WHITE):

@@ -1,7 +1,7 @@
 """A capture to absolute phases, with what each pixel is worth: mask, reason, uncertainty (ch. 12).
 
-Of the photographs one fringe at a time is in memory. Of all a few thousand pixels are kept, for
-what can only be seen in the photographs themselves.
+One fringe at a time is in memory. Of all photographs a few thousand pixels are kept, for what can
+only be seen in them.
 """
 
 from __future__ import annotations
@@ -23,11 +23,8 @@ from fpputil.decoding.triangulation import points_of
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
-SAMPLE = 64
-"""Rows and columns of the grid of pixels that are kept whole."""
-
-LINEAR = 0.04
-"""A gamma as near to 1 as this leaves a second harmonic of one hundredth: not worth a change."""
+SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
+LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -26,9 +26,7 @@ from fpputil.optics.fringes import WHITE, Fringe
 NAME = "patterns.toml"
 UNWRAP = (*TEMPORAL, "minimum")
 ORDERS = ("fringe", "step")
-LARGEST = 2**15
-"""Of a projector's sides and of the steps of a fringe: more is a slip of the hand."""
-
+LARGEST = 2**15  # of a projector's sides and of the steps of a fringe: more is a slip of the hand
 FORMATS = {"axis": "s", "pitch": "g", "step": "d", "number": "d"}
 FIELD = re.compile(r"\{(axis|pitch|step|number)(?::(0?[1-9]))?\}")
 KEYS = ("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "fringes")
@@ -96,6 +94,8 @@ class Patterns:
     black: str = ""
 
     def __post_init__(self):
+        for name in ("projector", "fringes"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         for name, (fits, needed) in NEEDED.items():
             if not fits(value := getattr(self, name)):
                 raise ValueError(f"{name} {value!r} given; {needed}")
@@ -175,11 +175,7 @@ class Patterns:
                     raise ValueError(
                         f"no list {name!r} found; projector and [[fringes]] are needed"
                     )
-            lists = {
-                "projector": tuple(entries["projector"]),
-                "fringes": tuple(_fringe(f) for f in entries["fringes"]),
-            }
-            return cls(**{**entries, **lists})
+            return cls(**{**entries, "fringes": [_fringe(f) for f in entries["fringes"]]})
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: {error}") from error
 
@@ -222,16 +218,11 @@ def _is_name(value) -> bool:
 
 NEEDED = {
     "projector": (
-        lambda v: isinstance(v, tuple) and len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
+        lambda v: len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
         f"width and height, 1 to {LARGEST} pixels each, are needed",
     ),
     "fringes": (
-        lambda v: (
-            isinstance(v, tuple)
-            and v
-            and all(isinstance(f, Fringe) for f in v)
-            and max(f.steps for f in v) <= LARGEST
-        ),
+        lambda v: v and all(isinstance(f, Fringe) and f.steps <= LARGEST for f in v),
         f"one Fringe or more, each of up to {LARGEST} steps, is needed",
     ),
     "unwrap": (lambda v: v in UNWRAP, f"one of {', '.join(UNWRAP)} is needed"),

@@ -18,9 +18,7 @@ from fpputil.decoding import phase
 from fpputil.decoding.unwrap import TWO_PI, beat, guard_columns
 from fpputil.optics.fringes import WHITE, Fringe
 
-QUANTISATION = 1 / 12
-"""Variance of rounding, grey levels squared: the least noise a capture is credited with."""
-
+QUANTISATION = 1 / 12  # variance of rounding, grey levels squared: the least noise there is
 CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly turns the phase
 SCATTER = 0.25  # of the modulation, beyond three times the noise
 UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
@@ -65,17 +63,10 @@ class Fit(NamedTuple):
 
 
 def fit(frames, fringe: Fringe, shift: int = 1, gamma: float = 1.0, full: float = WHITE) -> Fit:
-    """Fit the sinusoid of a fringe to its photographs. Chapter 12.
+    """Fit the sinusoid of a fringe to all its photographs, (N, H, W). Chapter 12.
 
-    Parameters
-    ----------
-    frames : (N, H, W) array
-        All steps; uint8, uint16 or float32.
-    fringe : Fringe
-    shift : {1, -1}
-        Direction of the steps.
-    gamma, full : float
-        As of `fpputil.capture.gamma.linearise`, which is done first.
+    `shift`, 1 or -1, is the direction of the steps; `gamma` and `full` are of `linearise`, which
+    is done first.
 
     Examples
     --------
@@ -195,14 +186,8 @@ def judge(
 ) -> tuple[np.ndarray, list[np.ndarray], np.ndarray, np.ndarray]:
     """Find a reason not to trust a pixel. Chapter 12.
 
-    Parameters
-    ----------
-    fits, fringes, Phis : sequences of P Fit, Fringe and (H, W) arrays
-        Of each pitch; `Phis` are absolute phases, radians.
-    noise, threshold : Noise and float
-        Of the camera; least modulation of each pitch, grey levels.
-    method, width
-        `unwrap` and `width(axis)` of the `Patterns`.
+    It takes of each of P pitches the fit, the fringe and the absolute phase, (H, W), radians; the
+    noise, the least modulation, grey levels, and `unwrap` and `width(axis)` of the `Patterns`.
 
     Returns
     -------
@@ -242,12 +227,8 @@ def judge(
 def order_step(method: str, p: float, q: float) -> float:
     """How far the columns of two pitches part, projector pixels, if an order is wrong by one.
 
-    Between neighbours of a hierarchy that is the shorter pitch. By beats both orders are wrong
-    together, so the columns part by the difference of the pitches; in the number-theoretical
-    method by their greatest common divisor.
+    By beats both orders are wrong together.
 
-    Examples
-    --------
     >>> [order_step(method, 30, 24) for method in ("mf", "mw", "nt")]
     [24, 6, 6]
     """

@@ -54,13 +54,7 @@ def photograph(
 
 
 def photograph_into(
-    folder: str | Path,
-    view: View,
-    patterns: Patterns,
-    system: System,
-    seed: int = 0,
-    response: float = 1.0,
-    **camera,
+    folder: str | Path, view: View, patterns: Patterns, system: System, seed: int = 0, **how
 ) -> None:
     """`photograph` into a folder, which is made, with the pattern file beside. Chapter 12.
 
@@ -77,7 +71,7 @@ def photograph_into(
     """
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
-    for shot, frame in photograph(view, patterns, system, seed, response, **camera):
+    for shot, frame in photograph(view, patterns, system, seed, **how):
         _, data = cv2.imencode(Path(shot.file).suffix, frame)
         write_whole(folder / shot.file, data.tobytes())
     patterns.save(folder / NAME)
