@@ -36,6 +36,12 @@ def test_results_are_those_of_measure_and_lie_beside_the_folder(shots, tiny):
     assert "<h1>Decoding of a &lt;b&gt; &amp; c</h1>" in page and "<b> &" not in page
 
 
+def test_the_folder_one_is_in_is_decoded_beside_itself(shots, monkeypatch):
+    monkeypatch.chdir(shots)
+    result = decode_folder(".", report=False, pictures=False)
+    assert result.out == shots.with_name("a <b> & c-decoded") and result.out.is_dir()
+
+
 def test_wrong_phases_are_not_written(shots, tiny):
     turned = replace(PATTERNS, shift=-1)
     result = decode_folder(shots, shots.with_name("out"), tiny.system, patterns=turned)

@@ -7,7 +7,7 @@ each of them; so the projector sees the board, too, and both are calibrated as c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -90,7 +90,7 @@ class Calibration:
     projector_errors: dict[str, float]
     rejected: dict[str, str]
     sigma: dict[str, float]
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
 
 
 def calibrate(
@@ -119,10 +119,6 @@ def calibrate(
         Measuring range of the system that comes out, mm.
     lens, projector_lens : int
         Free distortion coefficients of each: the first 0, 1, 2, 4 or 5 of k1, k2, p1, p2, k3.
-
-    Returns
-    -------
-    Calibration
 
     Raises
     ------
@@ -216,13 +212,13 @@ def _view(board: Board, pose: Pose) -> BoardView:
 
 def _enough(views, rejected):
     if len(views) < LEAST_POSES:
-        number, names = len(views) + len(rejected), {}
+        names = {}
         for name, text in rejected.items():
             names.setdefault(text, []).append(name)
         reasons = "; ".join(f"{', '.join(names[text])}: {text}" for text in names)
         raise ValueError(
-            f"{len(views)} of {number} poses can be used; {LEAST_POSES} are needed, ten are better"
-            + (f" ({reasons})" if reasons else "")
+            f"{len(views)} of {len(views) + len(rejected)} poses can be used; {LEAST_POSES} are "
+            "needed, ten are better" + (f" ({reasons})" if reasons else "")
         )
 
 

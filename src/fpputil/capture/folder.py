@@ -18,9 +18,8 @@ from fpputil.capture.measurement import Measurement, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.report import page, report_numbers
-from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import depth_of
-from fpputil.files import folder_whole, write_arrays, write_whole
+from fpputil.files import folder_whole
 from fpputil.optics.system import System
 
 
@@ -53,14 +52,12 @@ def decode_folder(
     *,
     patterns: Patterns | None = None,
     full: float | None = None,
-    threshold: float = THRESHOLD,
-    gamma: float | None = None,
-    noise: float | None = None,
     accept: bool = False,
     report: bool = True,
     pictures: bool = True,
     force: bool = False,
     progress: bool = False,
+    **how,
 ) -> DecodedFolder:
     """Decode a folder of photographs into a new folder, as `fpp decode` does. Chapter 12.
 
@@ -72,11 +69,15 @@ def decode_folder(
     ----------
     folder, out : path
         Photographs, and a new folder; by default ``FOLDER-decoded``.
-    patterns, full, system, threshold, gamma, noise
-        As of `open_capture` and `measure`; with a system there are points and depths.
+    system : System, optional
+        For points and depths, and the minimum phase.
+    patterns, full
+        As of `open_capture`.
     accept, report, pictures, force, progress : bool
         Write phases although they are wrong; write ``report.html``; write TIFF files; take the
         place of `out`; show a bar in a terminal.
+    **how
+        threshold, gamma, noise as of `measure`.
 
     Raises
     ------
@@ -105,12 +106,12 @@ def decode_folder(
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     if force and folder.resolve().is_relative_to(out.resolve()):  # they would be deleted
         raise ValueError(f"{out} given for the results; the photographs of {folder} lie there")
-    how = {"threshold": threshold, "gamma": gamma, "noise": noise, "system": system}
     with folder_whole(out, force) as partial:
         axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)
         quiet = None if progress else True
         with tqdm(total=total, unit="photo", leave=False, disable=quiet) as bar:
-            measurements = tuple(measure(capture, axis, **how, each=bar.update) for axis in axes)
+            how |= {"system": system, "each": bar.update}
+            measurements = tuple(measure(capture, axis, **how) for axis in axes)
         findings = tuple(f for one in measurements for f in diagnose(one, capture))
         decoded = accept or not any(f.severe for f in findings)
         points = depth = None
@@ -131,7 +132,7 @@ def decode_folder(
                     colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
-            write_arrays(partial / "decoded.npz", arrays, compress=False)
+            np.savez(partial / "decoded.npz", **arrays)
             for key, values in arrays.items() if pictures else ():
                 if values.dtype.kind != "f":  # a mask as 0 and 255, a reason as it is
                     values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
@@ -185,5 +186,5 @@ def _save_points(path: Path, points, colours, sigma) -> int:
         raise ValueError("no point inside the measuring range; is the system the capture's own?")
     cloud = trimesh.PointCloud(points[keep], colours[keep])
     cloud.vertex_attributes = {"sigma": sigma[keep].astype("f4")}  # written as those of a mesh are
-    write_whole(path, cloud.export(file_type="ply"))
+    cloud.export(path)
     return len(cloud.vertices)
