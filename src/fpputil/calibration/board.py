@@ -177,10 +177,8 @@ def _refined(board, image, which, pixels):
     """The corners found, to a hundredth of a pixel, without those that do not look like one."""
     flat = board.points[which, :2]
     H = cv2.findHomography(flat, pixels)[0]
-    ends = [
-        cv2.perspectiveTransform((flat + step).reshape(-1, 1, 2), H)[:, 0]
-        for step in np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]) * (board.square / 4)
-    ]
+    steps = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]) * (board.square / 4)
+    ends = cv2.perspectiveTransform(flat + steps[:, None], H)
     edges = np.stack([ends[0] - ends[2], ends[1] - ends[3]], 1)
     radius = max(3.0, DISC_OF[board.kind] * spacing(pixels))
     corners = refine(image, pixels, edges, radius)
@@ -209,9 +207,8 @@ def _find_circles(board, image):
 
 def _centroid(image, u, v, reach):
     """Middle, u and v, of the dark disc at a point, by what it takes of the light around it."""
-    rows, cols = (
-        slice(max(0, round(x - reach)), round(x + reach) + 1) for x in (v, u)
-    )  # neighbours stay outside
+    # Neighbours stay outside.
+    rows, cols = (slice(max(0, round(x - reach)), round(x + reach) + 1) for x in (v, u))
     y, x = (a.ravel() for a in np.mgrid[rows, cols][:, : image.shape[0], : image.shape[1]])
     light = image[y, x].astype(np.float64)
     white = light > (light.min() + light.max()) / 2

@@ -23,15 +23,7 @@ SURE = 1e-3  # pixels: no fit is weighted as if it were better
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """Points of a board at one pose, seen by camera and projector.
-
-    Parameters
-    ----------
-    points : (P, 3) array
-        In the board's frame, mm.
-    camera, projector : (P, 2) array
-        u, v, pixels.
-    """
+    """Points of a board at one pose: (P, 3) in its frame, mm, and u, v in both, (P, 2), pixels."""
 
     points: np.ndarray
     camera: np.ndarray

@@ -6,7 +6,7 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations, permutations
+from itertools import combinations
 from typing import NamedTuple
 
 import cv2
@@ -197,14 +197,15 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
     declared = np.array([f.pitch for f in m.fringes])
 
     def spread(pitches):  # frequency times pitch is the same for all, if they are right
-        return np.ptp(np.log(frequencies * np.array(pitches)))
+        return np.ptp(np.log(frequencies * pitches))
 
     limit = 2 * np.log1p(PITCH_OFF)
-    nearest = np.abs(np.subtract.outer(declared, declared))[~np.eye(len(declared), dtype=bool)]
-    if spread(declared) < limit or nearest.min() < PITCH_OFF * declared.min():
+    nearest = np.diff(np.sort(declared)).min()
+    if spread(declared) < limit or nearest < PITCH_OFF * declared.min():
         return
     pitches = ", ".join(f"{p:g}" for p in declared)
-    best = min(permutations(declared), key=spread) if len(declared) <= 6 else tuple(declared)
+    best = declared.copy()
+    best[np.argsort(frequencies)] = np.sort(declared)[::-1]  # the coarser the longer
     if spread(best) < limit:
         yield _finding("swapped", pitches=pitches, likely=", ".join(f"{p:g}" for p in best))
     else:
@@ -221,7 +222,7 @@ def local_frequencies(m: Measurement) -> np.ndarray:
     for phi in m.wrapped:
         phasor = np.exp(1j * phi)
         turn = np.roll(phasor, -1, along) * phasor.conj() * (lit & np.roll(lit, -1, along))
-        parts = turn.astype(np.complex64).view(np.float32).reshape(*lit.shape, 2)
+        parts = turn.view(np.float32).reshape(*lit.shape, 2)
         smooth = cv2.boxFilter(parts, -1, SMOOTH).view(np.complex64)[..., 0]
         medians.append(np.median(np.angle(smooth[lit])) if lit.any() else np.nan)
     return np.array(medians)

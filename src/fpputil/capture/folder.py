@@ -71,13 +71,11 @@ def decode_folder(
         Photographs, and a new folder; by default ``FOLDER-decoded``.
     system : System, optional
         For points and depths, and the minimum phase.
-    patterns, full
-        As of `open_capture`.
+    patterns, full, **how
+        As of `open_capture`; threshold, gamma and noise as of `measure`.
     accept, report, pictures, force, progress : bool
         Write phases although they are wrong; write ``report.html``; write TIFF files; take the
         place of `out`; show a bar in a terminal.
-    **how
-        threshold, gamma, noise as of `measure`.
 
     Raises
     ------

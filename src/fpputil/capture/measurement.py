@@ -173,8 +173,7 @@ def measure(
     reason, sigmas, offsets, sharpness = judge(
         fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)
     )
-    finest = int(np.argmin([f.pitch for f in fringes]))
-    good = reason == Reason.GOOD
+    finest, good = int(np.argmin([f.pitch for f in fringes])), reason == Reason.GOOD
     return Measurement(
         axis=axis,
         fringes=fringes,
@@ -249,12 +248,10 @@ def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.
 
 def _gamma(frames: np.ndarray) -> float:
     """Gamma of photographs (N, S); 1 if they nearly are linear, or do not tell."""
-    if len(frames) < LEAST_STEPS:
-        return 1.0
     modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
     use = (modulation > 2 * phase.THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
     try:
         gamma = estimate_gamma(frames[:, use])
-    except ValueError:  # which the finding "response" then tells
+    except ValueError:  # too few steps, or nothing fits: the finding "response" tells
         return 1.0
     return 1.0 if abs(np.log(gamma)) < LINEAR else gamma

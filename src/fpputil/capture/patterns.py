@@ -158,7 +158,15 @@ class Patterns:
 
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
-        write_whole(path, _toml(self).encode())
+
+        def line(of, name):  # JSON writes numbers, strings and lists of them as TOML does
+            plain = {"ensure_ascii": False, "default": lambda number: number.item()}
+            return f"{name} = {json.dumps(getattr(of, name), **plain)}\n"
+
+        text = "".join(line(self, name) for name in KEYS[:-1])
+        for fringe in self.fringes:
+            text += "\n[[fringes]]\n" + "".join(line(fringe, name) for name in FRINGE)
+        write_whole(path, text.encode())
 
     @classmethod
     def load(cls, path: str | Path) -> Patterns:
@@ -234,17 +242,6 @@ NEEDED = {
     "black": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
 }
 """Of each entry of `Patterns` what it must be, and how that is said."""
-
-
-def _toml(patterns: Patterns) -> str:
-    def line(of, name):  # JSON writes numbers, strings and lists of them as TOML does
-        plain = {"ensure_ascii": False, "default": lambda number: number.item()}
-        return f"{name} = {json.dumps(getattr(of, name), **plain)}\n"
-
-    text = "".join(line(patterns, name) for name in KEYS[:-1])
-    for fringe in patterns.fringes:
-        text += "\n[[fringes]]\n" + "".join(line(fringe, name) for name in FRINGE)
-    return text
 
 
 def _fringe(entry) -> Fringe:

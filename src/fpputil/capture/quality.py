@@ -130,7 +130,7 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
     >>> noise.known, round(float(noise.variance(120)))  # of a scatter of 2
     (True, 4)
     """
-    levels, variances = [], []
+    points = []
     for frames in sample:
         scatter, use = _scatter(frames, threshold)
         if use.sum() < LEAST_PIXELS:
@@ -138,9 +138,8 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
         level, scatter = frames[:, use].mean(axis=0), scatter[use]
         for members in np.array_split(np.argsort(level), min(CLASSES, 1 + len(level) // EACH)):
             kept = np.sort(scatter[members])[: round((1 - OUTLIERS) * len(members))]
-            levels.append(np.mean(level[members]))
-            variances.append(kept.mean() / LEFT)
-    return _line(levels, variances)
+            points.append((level[members].mean(), kept.mean() / LEFT))
+    return _line(points)
 
 
 def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
@@ -162,11 +161,11 @@ def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(frames.shape[1]), np.zeros(frames.shape[1], bool)
 
 
-def _line(levels, variances) -> Noise:
+def _line(points) -> Noise:
     """Variance as a line over the level, or a constant where it cannot be told or falls."""
-    if not levels:
+    if not points:
         return Noise(QUANTISATION, 0.0, False)
-    levels, variances = np.array(levels), np.array(variances)
+    levels, variances = map(np.array, zip(*points, strict=True))
     slope, constant = np.polyfit(levels, variances, 1) if np.ptp(levels) > 20 else (-1, 0)
     if slope < 0:
         slope, constant = 0.0, np.mean(variances)

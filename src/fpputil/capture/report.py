@@ -88,7 +88,11 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     plotting.wrapped(axes[3], wrapped[few], f"wrapped phase, pitch {m.pitch:g}")
     plotting.absolute(axes[4], m.Phi[few])
     plotting.quantity(axes[5], m.sigma[few], "uncertainty", "rad", 0, high)
-    _suspects(axes[6], m.reason[few])
+    image = axes[6].imshow(m.reason[few], cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
+    bar = fig.colorbar(image, ax=axes[6], ticks=range(7), fraction=0.046, pad=0.03)
+    bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
+    axes[6].set(xticks=[], yticks=[], title="why a pixel is left out")
+    axes[6].grid(False)
     labels = {"xlabel": "modulation, grey levels", "title": "modulation", "yscale": "log"}
     _histogram(axes[7], m, m.modulation, 128, **labels)
     if depth is None:
@@ -107,11 +111,3 @@ def _histogram(ax, m: Measurement, values, top: float, **labels) -> None:
         ax.hist(levels.ravel(), label=f"pitch {fringe.pitch:g}", **how)
     ax.set(xlim=(0, top), **labels)
     ax.legend(fontsize=7)
-
-
-def _suspects(ax, reason) -> None:
-    image = ax.imshow(reason, cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
-    bar = ax.figure.colorbar(image, ax=ax, ticks=range(7), fraction=0.046, pad=0.03)
-    bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
-    ax.set(xticks=[], yticks=[], title="why a pixel is left out")
-    ax.grid(False)
