@@ -42,7 +42,7 @@ def linearise(frames, gamma: float, full: float = WHITE):
     [0.0, 63.75, 255.0]
     """
     inverse = 1 / positive("gamma", gamma)
-    if np.issubdtype(frames.dtype, np.integer):  # each grey level once
+    if frames.dtype in (np.uint8, np.uint16):  # each grey level once
         return linearise(np.arange(np.iinfo(frames.dtype).max + 1.0), gamma, full)[frames]
     return (WHITE * (np.maximum(frames, 0) / full) ** inverse).astype(np.float32)
 

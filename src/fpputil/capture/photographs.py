@@ -13,6 +13,7 @@ import numpy as np
 
 from fpputil.capture.patterns import NAME, Patterns, Shot
 from fpputil.checks import positive
+from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
@@ -158,13 +159,26 @@ def _grey(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
 
 
+def write_photograph(path: Path, image: np.ndarray) -> None:
+    """Write (H, W) grey levels as `read_photograph` reads them, whole or not at all."""
+    if _is_array(path):
+        np.save(data := io.BytesIO(), image)
+        write_whole(path, data.getvalue())
+    else:
+        write_whole(path, cv2.imencode(path.suffix, image)[1].tobytes())
+
+
+def _is_array(path: Path) -> bool:
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path} given; {READ} files are read")
+    return path.suffix.lower() == ".npy"
+
+
 def _pixels(path: Path) -> np.ndarray:
     """(H, W), or (H, W, 3) with red first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
-    if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{path} given; {READ} files are read")
-    data, is_array = np.fromfile(path, np.uint8), path.suffix.lower() == ".npy"
+    data, is_array = np.fromfile(path, np.uint8), _is_array(path)
     try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
         if is_array:
             image = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from fpputil.capture.patterns import NAME, Patterns, Shot
+from fpputil.capture.photographs import write_photograph
 from fpputil.checks import seeded
-from fpputil.files import write_arrays, write_whole
+from fpputil.files import write_arrays
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -72,8 +72,7 @@ def photograph_into(
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
     for shot, frame in photograph(view, patterns, system, seed, **how):
-        _, data = cv2.imencode(Path(shot.file).suffix, frame)
-        write_whole(folder / shot.file, data.tobytes())
+        write_photograph(folder / shot.file, frame)
     patterns.save(folder / NAME)
 
 
