@@ -189,12 +189,8 @@ def _refined(board, image, which, pixels):
 def _find_circles(board, image):
     options = cv2.SimpleBlobDetector_Params()
     options.maxArea = image.size / (board.columns * board.rows)
-    complete, pixels = cv2.findCirclesGrid(
-        _bytes(image),
-        (board.columns, board.rows),
-        flags=cv2.CALIB_CB_SYMMETRIC_GRID,
-        blobDetector=cv2.SimpleBlobDetector_create(options),
-    )
+    size, blobs = (board.columns, board.rows), cv2.SimpleBlobDetector_create(options)
+    complete, pixels = cv2.findCirclesGrid(_bytes(image), size, blobDetector=blobs)
     if not complete:
         return None
     pixels = pixels.reshape(-1, 2).astype(np.float64)

@@ -186,17 +186,16 @@ def _fit(x, views, covariance) -> StereoFit:
     square = (_off(x, views) ** 2).sum(axis=-1)
     ends = np.cumsum([len(v.points) for v in views])[:-1]
     errors = [[np.sqrt(part.mean()) for part in np.split(each, ends)] for each in square]
-    t, sigma = x[21:24], np.sqrt(np.diag(covariance)[:18])
+    t = x[21:24]
     along = t / np.linalg.norm(t)
     names = [f"{who} {name}" for who in ("camera", "projector") for name in LENS]
+    sigma = dict(zip(names, np.sqrt(np.diag(covariance)[:18]).tolist(), strict=True))
+    sigma["baseline"] = float(np.sqrt(along @ covariance[21:24, 21:24] @ along))
     return StereoFit(
         lenses=x[:18].reshape(2, 9),
         R=Rotation.from_rotvec(x[18:21]).as_matrix(),
         t=t,
         poses=x[24:].reshape(-1, 6),
         errors=np.array(errors),
-        sigma={
-            **dict(zip(names, sigma.tolist(), strict=True)),
-            "baseline": float(np.sqrt(along @ covariance[21:24, 21:24] @ along)),
-        },
+        sigma=sigma,
     )
