@@ -48,8 +48,8 @@ def page(
         loader=PackageLoader("fpputil", "capture"), autoescape=True, trim_blocks=True
     )
     numbers = {one.axis: report_numbers(one) for one in measurements}
-    page = templates.get_template("report.html")
-    return page.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
+    template = templates.get_template("report.html")
+    return template.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
 
 
 def report_numbers(measurement: Measurement) -> dict[str, str]:
