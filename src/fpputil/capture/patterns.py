@@ -153,8 +153,8 @@ class Patterns:
         line = np.arange(self.width(fringe.axis))
         step = shot.step * self.shift % fringe.steps
         value = np.rint(fringe.intensity(line, step)).astype(np.uint8)
-        along = value[None, :] if fringe.axis == "column" else value[:, None]
-        return np.ascontiguousarray(np.broadcast_to(along, (height, width)))
+        column = fringe.axis == "column"
+        return np.tile(value, (height, 1)) if column else np.tile(value[:, None], width)
 
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
