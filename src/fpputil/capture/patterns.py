@@ -175,7 +175,7 @@ class Patterns:
         if not path.is_file():
             raise FileNotFoundError(f"{path} given; there is no such pattern file")
         try:
-            entries = tomllib.loads(path.read_text("utf-8"))
+            entries = tomllib.loads(path.read_text(encoding="utf-8"))
             if unknown := sorted(set(entries) - set(KEYS)):
                 raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}")
             for name in ("projector", "fringes"):

@@ -54,7 +54,13 @@ def photograph(
 
 
 def photograph_into(
-    folder: str | Path, view: View, patterns: Patterns, system: System, seed: int = 0, **how
+    folder: str | Path,
+    view: View,
+    patterns: Patterns,
+    system: System,
+    seed: int = 0,
+    response: float = 1.0,
+    **camera,
 ) -> None:
     """`photograph` into a folder, which is made, with the pattern file beside. Chapter 12.
 
@@ -71,7 +77,7 @@ def photograph_into(
     """
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
-    for shot, frame in photograph(view, patterns, system, seed, **how):
+    for shot, frame in photograph(view, patterns, system, seed, response, **camera):
         write_photograph(folder / shot.file, frame)
     patterns.save(folder / NAME)
 

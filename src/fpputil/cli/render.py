@@ -70,7 +70,6 @@ def render(
     shown, rig = Patterns.load(patterns), load_system(system)
     centre = rig.camera.R.T @ ([0, 0, distance] - rig.camera.t)
     camera = {"noise": noise, "gain": gain, "ambient": ambient, "gamma": gamma}
-    camera["response"] = projector_gamma
 
     def bodies():
         """Folder, mesh and albedo of each scene."""
@@ -88,7 +87,7 @@ def render(
             scene.mkdir(exist_ok=True)
             view = raycast(body, rig, albedo=albedo, supersample=supersample)
             noises = seed + SEEDS * number
-            photograph_into(scene, view, shown, rig, noises, **camera)
+            photograph_into(scene, view, shown, rig, noises, projector_gamma, **camera)
             save_truth(scene / "truth.npz", view)
         rig.save(folder / "system.json")
     scenes, photographs = number + 1, len(shown.shots()) * (number + 1)
