@@ -24,10 +24,10 @@ def test_the_frame_lies_in_the_middle():
 
 def test_albedo_at_the_middles_of_the_pixels_is_the_picture():
     R = Rotation.from_euler("xyz", (20, -30, 10), degrees=True).as_matrix()
-    target = PlacedBoard(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]), dark=0.1, bright=0.8)
+    target = PlacedBoard(PICTURE, 200.0, R, np.array([10.0, -20.0, 600.0]))
     x, y = np.meshgrid((np.arange(40) - 19.5) * 5, (np.arange(30) - 14.5) * 5)
     points = np.stack([x, y, 0 * x], -1).reshape(-1, 3) @ R.T + target.t
-    expected = np.where(PICTURE.ravel() == 255, 0.8, 0.1)
+    expected = np.where(PICTURE.ravel() == 255, 0.9, 0.08)
     np.testing.assert_allclose(target.albedo(points), expected, atol=1e-6)
 
 

@@ -14,12 +14,12 @@ PICTURE = np.zeros((30, 40), np.uint8)
 BLANK = (Pose(PLAIN, PLAIN, PLAIN),)
 
 
-def placed(picture=PICTURE, width=200.0, R=None, t=(0, 0, 650.0), **albedo):
-    return PlacedBoard(picture, width, np.eye(3) if R is None else R, np.array(t), **albedo)
+def placed(picture=PICTURE, width=200.0, R=None, t=(0, 0, 650.0)):
+    return PlacedBoard(picture, width, np.eye(3) if R is None else R, np.array(t))
 
 
-def place(number=1, seed=0, size=(300, 225), **tilt):
-    return place_boards(number, seed, preset("tiny").system, size, **tilt)
+def place(number=1, seed=0, size=(300, 225)):
+    return place_boards(number, seed, preset("tiny").system, size)
 
 
 def solve(poses=BLANK, projector=(912, 1140), z_min=480.0, z_max=820.0):
@@ -38,14 +38,12 @@ PLACES = [
     (lambda: placed(np.zeros((3, 3))), "dtype float64"),
     (lambda: placed(np.zeros((3, 3, 3), np.uint8)), r"shape \(3, 3, 3\)"),
     (lambda: placed(width=0), "width 0 given"),
-    (lambda: placed(dark=0.9), "albedo 0.9 to 0.9"),
     (lambda: placed(R=2 * np.eye(3)), "orthonormal"),
     (lambda: placed(t=(0, 0, np.nan)), "finite"),
     (lambda: place(number=0), "number 0 given"),
     (lambda: place(seed=-1), "seed -1 given"),
     (lambda: place(size=(0, 100)), "width 0 given"),
     (lambda: place(size=(900, 700)), "900 x 700 mm given; in"),
-    (lambda: place(tilt=(40, 25)), "tilt 40 to 25"),
 ]
 CALIBRATIONS = [
     (lambda: solve(poses=[]), "no poses given"),

@@ -160,8 +160,10 @@ def test_wrong_pixels_in_the_maps_do_not_matter(poses):
 
 
 def test_almost_parallel_boards_are_warned_of(small, photograph):
-    drawn = place_boards(8, 0, small, BOARD.size, tilt=(2, 4))
-    found = calibrated([photograph(BOARD, small, *pose) for pose in drawn])
+    angles = np.random.default_rng(0).uniform(-4, 4, (8, 3))
+    turns = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+    places = zip(turns, np.linspace((-30, 20, 560), (30, -20, 700), 8), strict=True)
+    found = calibrated([photograph(BOARD, small, *place) for place in places])
     assert any("normals vary by" in w for w in found.warnings)
 
 

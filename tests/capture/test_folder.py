@@ -36,6 +36,20 @@ def test_results_are_those_of_measure_and_lie_beside_the_folder(shots, tiny):
     assert "<h1>Decoding of a &lt;b&gt; &amp; c</h1>" in page and "<b> &" not in page
 
 
+def test_the_folder_one_is_in_is_decoded_beside_itself(shots, monkeypatch):
+    monkeypatch.chdir(shots)
+    result = decode_folder(".", report=False, pictures=False)
+    assert result.out == shots.with_name("a <b> & c-decoded") and result.out.is_dir()
+
+
+def test_photographs_written_as_arrays_are_decoded(tmp_path, sphere_view, tiny):
+    arrays = replace(PATTERNS, files="{pitch}-{step}.npy")
+    photograph_into(tmp_path / "shots", sphere_view, arrays, tiny.system)
+    assert measure(open_capture(tmp_path / "shots")).mask.any()
+    with pytest.raises(ValueError, match="912-0 given; png, bmp, tif, tiff, npy files are read"):
+        photograph_into(tmp_path, sphere_view, replace(arrays, files="{pitch}-{step}"), tiny.system)
+
+
 def test_wrong_phases_are_not_written(shots, tiny):
     turned = replace(PATTERNS, shift=-1)
     result = decode_folder(shots, shots.with_name("out"), tiny.system, patterns=turned)

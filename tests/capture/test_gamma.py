@@ -46,3 +46,4 @@ def test_linear_is_one_curve_for_all_depths():
         linearise(grey.astype(np.uint16) * 257, 2, 65535), expected, rtol=1e-6
     )
     np.testing.assert_allclose(linearise(grey / 255.0, 2, 1.0), expected, rtol=1e-6)
+    np.testing.assert_allclose(linearise(grey.astype(int), 2), expected, rtol=1e-6)

@@ -18,6 +18,7 @@ def test_a_file_reads_back_as_it_was(tmp_path):
         Patterns((48, 32), BOTH, white="w ü.png", black='b".png'),
         Patterns((48, 32), BOTH[:2], "nt", -1, "step", "*.tif", 3),
         Patterns((48, 32), (Fringe(47.5, 3),), "minimum", files="{pitch}_{step:3}.npy"),
+        Patterns((48, np.int64(32)), [Fringe(np.float64(47.5), np.int64(3))]),
     ):
         given_.save(tmp_path / "patterns.toml")
         assert Patterns.load(tmp_path / "patterns.toml") == given_

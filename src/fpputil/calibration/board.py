@@ -50,8 +50,8 @@ class Board:
         whole("columns", self.columns, LEAST)
         whole("rows", self.rows, LEAST)
         positive("square", self.square, "mm")
-        if self.kind not in FINDERS:
-            raise ValueError(f"board {self.kind!r} given; the kinds are {', '.join(FINDERS)}")
+        if self.kind not in KINDS:
+            raise ValueError(f"board {self.kind!r} given; the kinds are {', '.join(KINDS)}")
         needed = (self.columns + 1) * (self.rows + 1) // 2
         if self.kind == "charuco" and needed > MARKERS:
             raise ValueError(
@@ -73,18 +73,11 @@ class Board:
     def picture(self, scale: int = 40) -> np.ndarray:
         """The board to print or to render, with a white margin of one square on every side.
 
-        Parameters
-        ----------
-        scale : int
-            Pixels a square, 16 or more.
-
-        Returns
-        -------
-        ((rows + 3) * scale, (columns + 3) * scale) uint8 array
+        Of `scale`, 16 or more, pixels a square: ((rows + 3) * scale, (columns + 3) * scale) uint8.
         """
         whole("scale", scale, 16)
-        draw = {"chessboard": _draw_chessboard, "charuco": _draw_charuco, "circles": _draw_circles}
-        return np.pad(draw[self.kind](self, scale), scale, constant_values=255)
+        draw, _ = KINDS[self.kind]
+        return np.pad(draw(self, scale), scale, constant_values=255)
 
     def find(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which points of the board a photograph shows, and where.
@@ -106,8 +99,8 @@ class Board:
         ValueError
             If the image is no finite (H, W) array or does not show the board.
         """
-        image = _check_image(image)
-        corners = FINDERS[self.kind](self, image)
+        _, find = KINDS[self.kind]
+        corners = find(self, _check_image(image))
         if corners is None:
             raise ValueError(
                 f"no {self.kind} of {self.columns} x {self.rows} points found; the board must be "
@@ -174,9 +167,7 @@ def _find_chessboard(board, image):
 
 def _find_charuco(board, image):
     pixels, which, *_ = cv2.aruco.CharucoDetector(board._charuco()).detectBoard(_bytes(image))
-    if which is None:
-        return None
-    which = which.ravel()
+    which = np.ravel([] if which is None else which)
     if min(len(set(which // board.columns)), len(set(which % board.columns))) < LEAST:
         return None
     return _refined(board, image, which, pixels.reshape(-1, 2))
@@ -186,10 +177,8 @@ def _refined(board, image, which, pixels):
     """The corners found, to a hundredth of a pixel, without those that do not look like one."""
     flat = board.points[which, :2]
     H = cv2.findHomography(flat, pixels)[0]
-    ends = [
-        cv2.perspectiveTransform((flat + step).reshape(-1, 1, 2), H)[:, 0]
-        for step in np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]) * (board.square / 4)
-    ]
+    steps = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]) * (board.square / 4)
+    ends = cv2.perspectiveTransform(flat + steps[:, None], H)
     edges = np.stack([ends[0] - ends[2], ends[1] - ends[3]], 1)
     radius = max(3.0, DISC_OF[board.kind] * spacing(pixels))
     corners = refine(image, pixels, edges, radius)
@@ -200,12 +189,8 @@ def _refined(board, image, which, pixels):
 def _find_circles(board, image):
     options = cv2.SimpleBlobDetector_Params()
     options.maxArea = image.size / (board.columns * board.rows)
-    complete, pixels = cv2.findCirclesGrid(
-        _bytes(image),
-        (board.columns, board.rows),
-        flags=cv2.CALIB_CB_SYMMETRIC_GRID,
-        blobDetector=cv2.SimpleBlobDetector_create(options),
-    )
+    size, blobs = (board.columns, board.rows), cv2.SimpleBlobDetector_create(options)
+    complete, pixels = cv2.findCirclesGrid(_bytes(image), size, blobDetector=blobs)
     if not complete:
         return None
     pixels = pixels.reshape(-1, 2).astype(np.float64)
@@ -218,9 +203,8 @@ def _find_circles(board, image):
 
 def _centroid(image, u, v, reach):
     """Middle, u and v, of the dark disc at a point, by what it takes of the light around it."""
-    rows, cols = (
-        slice(max(0, round(x - reach)), round(x + reach) + 1) for x in (v, u)
-    )  # neighbours stay outside
+    # Neighbours stay outside.
+    rows, cols = (slice(max(0, round(x - reach)), round(x + reach) + 1) for x in (v, u))
     y, x = (a.ravel() for a in np.mgrid[rows, cols][:, : image.shape[0], : image.shape[1]])
     light = image[y, x].astype(np.float64)
     white = light > (light.min() + light.max()) / 2
@@ -250,4 +234,8 @@ def _bytes(image):
     return np.rint(image).astype(np.uint8)
 
 
-FINDERS = {"chessboard": _find_chessboard, "charuco": _find_charuco, "circles": _find_circles}
+KINDS = {
+    "chessboard": (_draw_chessboard, _find_chessboard),
+    "charuco": (_draw_charuco, _find_charuco),
+    "circles": (_draw_circles, _find_circles),
+}

@@ -22,22 +22,10 @@ def refine(image: np.ndarray, corners: np.ndarray, edges: np.ndarray, radius: fl
     ``E_i = erf(n_i . (x - corner) / sqrt(2) sigma)`` are two blurred edges through the corner, and
     the first factor is the shading, whose slope would draw a mere saddle point aside.
 
-    Parameters
-    ----------
-    image : (H, W) float array
-        Photograph.
-    corners : (P, 2) array
-        u, v within about two pixels.
-    edges : (P, 2, 2) array
-        Directions u, v of the two edges of each corner, any length.
-    radius : float
-        Of the disc around the corner to fit, pixels; no other corner may lie in it.
-
-    Returns
-    -------
-    (P, 2) float64 array
-        u, v; NaN where the fit does not stay in half the disc, what is seen does not look like a
-        corner, or the disc leaves the image.
+    The corners of the image, (H, W), are given as u, v, (P, 2), within about two pixels, with the
+    directions of their two edges, (P, 2, 2), and the radius of a disc, pixels, in which no other
+    corner lies. Returned are u, v, (P, 2); NaN where the fit does not stay in half the disc, what
+    is seen does not look like a corner, or the disc leaves the image.
 
     Examples
     --------
@@ -50,7 +38,7 @@ def refine(image: np.ndarray, corners: np.ndarray, edges: np.ndarray, radius: fl
     reach = int(np.ceil(radius))
     x = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), -1).reshape(-1, 2)
     x = x[np.hypot(*x.T) <= radius].astype(np.float64)
-    fits = _inside(base, reach, image.shape)
+    fits = ((base >= reach) & (base < np.array(image.shape)[::-1] - reach)).all(axis=1)
     out = np.full((len(corners), 2), np.nan)
     u, v = (base[fits, None] + x.astype(int)).transpose(2, 0, 1)
     light = np.asarray(image, np.float64)[v, u]
@@ -58,15 +46,12 @@ def refine(image: np.ndarray, corners: np.ndarray, edges: np.ndarray, radius: fl
     with np.errstate(all="ignore"):  # a patch that shows no corner may run away
         for _ in range(ROUNDS):
             p = _step(p, x, light)
-        misfit = _misfit(p, x, light)
+        shade, both, *_ = _model(p, x)
+        misfit = np.sqrt(np.mean((light - shade * both) ** 2, axis=1)) / np.abs(p[:, 5] * p[:, 8])
     moved = np.hypot(*(p[:, :2] - (corners - base)[fits]).T)
     good = (moved < radius / 2) & (misfit < MISFIT)  # NaN compares false
     out[fits] = np.where(good[:, None], p[:, :2] + base[fits], np.nan)
     return out
-
-
-def _inside(base, reach, shape):
-    return ((base >= reach) & (base < np.array(shape)[::-1] - reach)).all(axis=1)
 
 
 def _start(light, x, corners, edges):
@@ -74,39 +59,27 @@ def _start(light, x, corners, edges):
     angle = np.arctan2(edges[..., 1], edges[..., 0])
     one, none = np.ones(len(light)), np.zeros(len(light))
     p = np.column_stack([corners, angle, one, light.mean(axis=1), none, none, none])
-    _, e, _, _ = _edges(p, x)
-    sign = np.sum((light - p[:, 5, None]) * e[0] * e[1], axis=1)
-    p[:, 8] = 0.8 * np.sign(sign)
+    _, _, e, *_ = _model(p, x)
+    p[:, 8] = 0.8 * np.sign(np.sum((light - p[:, 5, None]) * e[0] * e[1], axis=1))
     return p
 
 
-def _edges(p, x):
-    """Place along and blurred side of each edge, (2, P, N), the side's slope, and distance."""
+def _model(p, x):
+    """Both factors of the light, (P, N); edges (2, P, N), their slopes, places along and across."""
     off = x - p[:, None, :2]
     cos, sin = np.cos(p[:, 2:4]).T[..., None], np.sin(p[:, 2:4]).T[..., None]
     along = cos * off[..., 0] + sin * off[..., 1]
     across = cos * off[..., 1] - sin * off[..., 0]
     scaled = across / p[:, 4, None]
     slope = np.sqrt(2 / np.pi) / p[:, 4, None] * np.exp(-(scaled**2) / 2)
-    return along, erf(scaled / np.sqrt(2)), slope, across
-
-
-def _misfit(p, x, light):
-    """RMS difference of model and light, (P,), over the contrast."""
-    _, e, _, _ = _edges(p, x)
-    model = _shade(p, x) * (1 + p[:, 8, None] * e[0] * e[1])
-    return np.sqrt(np.mean((light - model) ** 2, axis=1)) / np.abs(p[:, 5] * p[:, 8])
-
-
-def _shade(p, x):
-    return p[:, 5, None] + p[:, 6:8] @ x.T
+    e = erf(scaled / np.sqrt(2))
+    shade, both = p[:, 5, None] + p[:, 6:8] @ x.T, 1 + p[:, 8, None] * e[0] * e[1]
+    return shade, both, e, slope, along, across
 
 
 def _step(p, x, light):
     """One damped Gauss-Newton step of all corners' parameters (P, 9)."""
-    along, e, slope, across = _edges(p, x)
-    shade = _shade(p, x)
-    both = 1 + p[:, 8, None] * e[0] * e[1]
+    shade, both, e, slope, along, across = _model(p, x)
     side = shade * p[:, 8, None] * slope * e[::-1]  # what a shift of each edge does
     cos, sin = np.cos(p[:, 2:4]).T[..., None], np.sin(p[:, 2:4]).T[..., None]
     J = np.stack(

@@ -17,8 +17,10 @@ from fpputil.checks import positive, rotation, seeded, whole
 from fpputil.optics.system import System
 
 DRAWS = 2000  # poses tried for each one that is kept
+TILT = 25.0, 40.0  # degrees, between which the boards' tilts lie
 ROLL = 20.0  # degrees, at most, about the board's normal
 CELLS = 12  # cells across each picture, by which its coverage is counted
+INK, PAPER = 0.08, 0.9  # albedo where the picture is 0 and 255
 RIM = 7  # points along each edge of the target that must be in the pictures
 
 
@@ -32,12 +34,8 @@ class PlacedBoard:
         What is printed on it.
     width : float
         Of the picture, mm; the height follows.
-    R : (3, 3) array
-        Rotation from the target's frame to the world.
-    t : (3,) array
-        Middle of the picture in the world, mm.
-    dark, bright : float
-        Albedo where the picture is 0 and 255.
+    R, t : (3, 3) and (3,) arrays
+        Rotation from the board's frame to the world, and its middle there, mm.
 
     Examples
     --------
@@ -50,22 +48,18 @@ class PlacedBoard:
     width: float
     R: np.ndarray
     t: np.ndarray
-    dark: float = 0.08
-    bright: float = 0.9
 
     def __post_init__(self):
-        picture, R, t = np.asarray(self.picture), np.asarray(self.R), np.asarray(self.t)
+        picture, t = np.asarray(self.picture), np.asarray(self.t)
         if picture.ndim != 2 or picture.dtype != np.uint8 or 0 in picture.shape:
             raise ValueError(
                 f"picture of shape {picture.shape} and dtype {picture.dtype} given; "
                 "a target takes (h, w) uint8"
             )
         positive("width", self.width, "mm")
-        if not 0 <= self.dark < self.bright < np.inf:
-            raise ValueError(
-                f"albedo {self.dark} to {self.bright} given; it needs 0 <= dark < bright"
-            )
-        _check_pose(R, t)
+        rotation("R", self.R)
+        if t.shape != (3,) or not np.isfinite(t).all():
+            raise ValueError(f"t {t.tolist()} given; a place is (3,), finite, in mm")
 
     @property
     def size(self) -> tuple[float, float]:
@@ -81,44 +75,32 @@ class PlacedBoard:
         return trimesh.Trimesh(world, [(0, 2, 1), (0, 3, 2)], process=False)
 
     def albedo(self, points: np.ndarray) -> np.ndarray:
-        """Albedo, (P,), of world points (P, 3), mm, on the board; what `raycast` asks for.
-
-        The picture goes over its pixels smoothly (bilinear).
-        """
+        """Albedo, (P,), of world points (P, 3), mm, on the board, bilinear; for `raycast`."""
         h, w = np.shape(self.picture)
         local = (np.asarray(points) - self.t) @ self.R
         x, y = local[:, 0] * (w / self.width), local[:, 1] * (w / self.width)
         place = [y + (h - 1) / 2, x + (w - 1) / 2]
         ink = map_coordinates(np.float32(self.picture), place, order=1, mode="nearest")
-        return self.dark + (self.bright - self.dark) * ink / 255.0
+        return INK + (PAPER - INK) * ink / 255.0
 
 
 def place_boards(
-    number: int,
-    seed: int,
-    system: System,
-    size: tuple[float, float],
-    *,
-    tilt: tuple[float, float] = (25.0, 40.0),
+    number: int, seed: int, system: System, size: tuple[float, float]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Poses of a board that constrain a calibration: tilted strongly, every way, all over.
 
-    The directions of tilt go round evenly, the angles and depths are spread over their ranges,
-    and of many places the one is kept that covers most of what no earlier pose covered in the
-    pictures of camera and projector.
+    The boards stand at 25 to 40 degrees to the camera's picture plane. The directions of tilt go
+    round evenly, the angles and depths are spread over their ranges, and of many places the one is
+    kept that covers most of what no earlier pose covered in the pictures of camera and projector.
 
     Parameters
     ----------
-    number : int
-        Poses.
-    seed : int
-        Of the draws.
+    number, seed : int
+        Of poses; of the draws.
     system : System
         Camera and projector that must both see the whole board inside the measuring range.
     size : (width, height)
         What must be seen of the board, mm, around its middle.
-    tilt : (least, most)
-        Angles between the board and the camera's picture plane, degrees.
 
     Returns
     -------
@@ -139,13 +121,14 @@ def place_boards(
     (2, (3, 3), (3,))
     """
     whole("number", number, 1)
-    _check_wishes(size, tilt)
+    for name, value in zip(("width", "height"), size, strict=True):
+        positive(name, value, "mm")
     rng = seeded(seed)
     start = rng.uniform(0, 2 * np.pi)
     covered, poses = np.zeros((2, CELLS, CELLS), int), []
     for k, share in enumerate(rng.permutation(number)):
         towards = start + 2 * np.pi * k / number
-        angle = np.radians(tilt[0] + (tilt[1] - tilt[0]) * (share + 0.5) / number)
+        angle = np.radians(TILT[0] + (TILT[1] - TILT[0]) * (share + 0.5) / number)
         pose, cells = _best(_draw(rng, system, towards, angle), system, size, covered)
         covered = covered + cells
         poses.append(pose)
@@ -171,7 +154,7 @@ def _best(drawn, system, size, covered):
         raise ValueError(
             f"a board of {size[0]:g} x {size[1]:g} mm given; in {DRAWS} places none was found "
             "where camera and projector see all of it inside the measuring range; "
-            "take a smaller board or less tilt"
+            "take a smaller board"
         )
     cells = np.stack([_cells(p, points) for p in (system.camera, system.projector)], 1)
     best = np.sum(cells / (1 + covered) ** 2, axis=(1, 2, 3)).argmax()
@@ -200,18 +183,3 @@ def _rectangle(size, number):
     """Grid of points over a rectangle around the origin, (number * number, 3), row by row."""
     x, y = (np.linspace(-s / 2, s / 2, number) for s in size)
     return np.stack([*np.meshgrid(x, y), np.zeros((number, number))], -1).reshape(-1, 3)
-
-
-def _check_pose(R, t):
-    rotation("R", R)
-    if t.shape != (3,) or not np.isfinite(t).all():
-        raise ValueError(f"t {t.tolist()} given; a place is (3,), finite, in mm")
-
-
-def _check_wishes(size, tilt):
-    for name, value in zip(("width", "height"), size, strict=True):
-        positive(name, value, "mm")
-    if not 0 <= tilt[0] <= tilt[1] < 90:
-        raise ValueError(
-            f"tilt {tilt[0]} to {tilt[1]} degrees given; it needs 0 <= least <= most < 90"
-        )

@@ -23,15 +23,7 @@ SURE = 1e-3  # pixels: no fit is weighted as if it were better
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """Points of a board at one pose, seen by camera and projector.
-
-    Parameters
-    ----------
-    points : (P, 3) array
-        In the board's frame, mm.
-    camera, projector : (P, 2) array
-        u, v, pixels.
-    """
+    """Points of a board at one pose: (P, 3) in its frame, mm, and u, v in both, (P, 2), pixels."""
 
     points: np.ndarray
     camera: np.ndarray
@@ -66,26 +58,17 @@ class StereoFit:
 
 
 def calibrate_pinhole(views: Sequence[BoardView], who: str, size: tuple[int, int], lens: int):
-    """One pinhole alone from a flat board at several poses (Zhang's method, OpenCV).
+    """The camera or the projector alone from a flat board at several poses (Zhang, OpenCV).
 
-    Parameters
-    ----------
-    views : sequence of BoardView
-    who : {"camera", "projector"}
-    size : (width, height)
-        Pixels.
-    lens : int
-        Distortion coefficients that are free: 0, 1, 2, 4 or 5.
-
-    Returns
-    -------
-    lens : (9,) array
-        As in `StereoFit`.
-    poses : (N, 6) array
-        Of the boards in the pinhole's frame.
-    rms : float
-        Of the distances, pixels.
+    Returns its lens, (9,), and the poses of the boards in its frame, (N, 6), as of `StereoFit`,
+    and the RMS distance of the points from their images, pixels.
     """
+    if lens not in COUNTS:
+        raise ValueError(f"{lens} distortion coefficients given; 0, 1, 2, 4 or 5 can be free")
+    problem = (
+        f"{len(views)} poses given; they do not determine the {who}: tilt the board in several "
+        "directions"
+    )
     flags = (lens < 1) * cv2.CALIB_FIX_K1 | (lens < 2) * cv2.CALIB_FIX_K2
     flags |= (lens < 4) * cv2.CALIB_ZERO_TANGENT_DIST | (lens < 5) * cv2.CALIB_FIX_K3
     points = [v.points.astype(np.float32) for v in views]
@@ -93,16 +76,12 @@ def calibrate_pinhole(views: Sequence[BoardView], who: str, size: tuple[int, int
     try:
         rms, K, d, *turns = cv2.calibrateCamera(points, pixels, size, None, None, flags=flags)
     except cv2.error as error:
-        raise ValueError(f"{len(views)} poses given; {_need(who)} (OpenCV: {error.err})") from error
+        raise ValueError(f"{problem} (OpenCV: {error.err})") from error
     pinhole = np.concatenate([K[(0, 1, 0, 1), (0, 1, 2, 2)], d.ravel()[:5]])
     poses = np.concatenate([np.reshape(t, (-1, 3)) for t in turns[:2]], axis=1)
-    if not (np.isfinite(rms) and np.isfinite(pinhole).all() and np.isfinite(poses).all()):
-        raise ValueError(f"{len(views)} poses given; {_need(who)}")
+    if not np.isfinite([rms, *pinhole, *poses.ravel()]).all():
+        raise ValueError(problem)
     return pinhole, poses, rms
-
-
-def _need(who):
-    return f"they do not determine the {who}: tilt the board in several directions"
 
 
 def calibrate_pair(
@@ -145,30 +124,25 @@ def calibrate_pair(
     >>> bool(np.allclose(fit.t, projector.t))
     True
     """
-    for count in (lens, projector_lens):
-        if count not in COUNTS:
-            raise ValueError(f"{count} distortion coefficients given; 0, 1, 2, 4 or 5 can be free")
     alone = [
-        calibrate_pinhole(views, who, size, count)
-        for who, size, count in (
-            ("camera", camera, lens),
-            ("projector", projector, projector_lens),
-        )
+        calibrate_pinhole(views, "camera", camera, lens),
+        calibrate_pinhole(views, "projector", projector, projector_lens),
     ]
     start = np.concatenate([alone[0][0], alone[1][0], _between(*alone), alone[0][1].ravel()])
     free = np.ones(len(start), bool)
     free[4 + lens : 9] = free[13 + projector_lens : 18] = False
-    weights = 1 / np.maximum([a[2] for a in alone], SURE)
+    weights = 1 / np.maximum([rms for *_, rms in alone], SURE)[:, None, None]
+
+    def full(x):
+        values = start.copy()
+        values[free] = x
+        return values
 
     def residuals(x):
-        full = start.copy()
-        full[free] = x
-        return (_off(full, views) * weights[:, None, None]).ravel()
+        return (_off(full(x), views) * weights).ravel()
 
     fit = least_squares(residuals, start[free], method="lm", x_scale="jac")
-    x = start.copy()
-    x[free] = fit.x
-    return _fit(x, views, _covariance(fit, free))
+    return _fit(full(fit.x), views, _covariance(fit, free))
 
 
 def _between(camera, projector):
@@ -182,14 +156,9 @@ def _between(camera, projector):
 def _off(x, views):
     """Pixels by which all P points miss their images in camera and projector, (2, P, 2)."""
     poses = x[24:].reshape(-1, 6)
-    local = np.concatenate(
-        [
-            v.points @ R.T + t
-            for v, R, t in zip(
-                views, Rotation.from_rotvec(poses[:, :3]).as_matrix(), poses[:, 3:], strict=True
-            )
-        ]
-    )
+    turns = Rotation.from_rotvec(poses[:, :3]).as_matrix()
+    placed = zip(views, turns, poses[:, 3:], strict=True)
+    local = np.concatenate([view.points @ R.T + t for view, R, t in placed])
     lit = local @ Rotation.from_rotvec(x[18:21]).as_matrix().T + x[21:24]
     measured = [np.concatenate([getattr(v, who) for v in views]) for who in ("camera", "projector")]
     return np.stack([_image(local, x[:9]), _image(lit, x[9:18])]) - measured
@@ -218,17 +187,15 @@ def _fit(x, views, covariance) -> StereoFit:
     ends = np.cumsum([len(v.points) for v in views])[:-1]
     errors = [[np.sqrt(part.mean()) for part in np.split(each, ends)] for each in square]
     t = x[21:24]
-    sigma = np.sqrt(np.diag(covariance)[:18])
     along = t / np.linalg.norm(t)
     names = [f"{who} {name}" for who in ("camera", "projector") for name in LENS]
+    sigma = dict(zip(names, np.sqrt(np.diag(covariance)[:18]).tolist(), strict=True))
+    sigma["baseline"] = float(np.sqrt(along @ covariance[21:24, 21:24] @ along))
     return StereoFit(
         lenses=x[:18].reshape(2, 9),
         R=Rotation.from_rotvec(x[18:21]).as_matrix(),
         t=t,
         poses=x[24:].reshape(-1, 6),
         errors=np.array(errors),
-        sigma={
-            **dict(zip(names, sigma.tolist(), strict=True)),
-            "baseline": float(np.sqrt(along @ covariance[21:24, 21:24] @ along)),
-        },
+        sigma=sigma,
     )

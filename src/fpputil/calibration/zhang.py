@@ -7,7 +7,7 @@ each of them; so the projector sees the board, too, and both are calibrated as c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -90,7 +90,7 @@ class Calibration:
     projector_errors: dict[str, float]
     rejected: dict[str, str]
     sigma: dict[str, float]
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
 
 
 def calibrate(
@@ -120,20 +120,22 @@ def calibrate(
     lens, projector_lens : int
         Free distortion coefficients of each: the first 0, 1, 2, 4 or 5 of k1, k2, p1, p2, k3.
 
-    Returns
-    -------
-    Calibration
-
     Raises
     ------
     ValueError
         If there are no poses, their sizes or names clash, the range is not one, fewer than three
         poses show the board lit by fringes, or the poses do not determine the system.
     """
-    size = _check(poses, projector, z_min, z_max)
-    views, rejected = _views(board, poses)
+    names = [pose.name or f"pose {k}" for k, pose in enumerate(poses)]
+    size = _check(poses, names, projector, z_min, z_max)
+    views, rejected = {}, {}
+    for name, pose in zip(names, poses, strict=True):
+        try:
+            views[name] = _view(board, pose)
+        except ValueError as error:
+            rejected[name] = str(error)
     while True:
-        _enough(views, rejected, len(poses))
+        _enough(views, rejected)
         fit = calibrate_pair(
             list(views.values()), size, tuple(map(int, projector)), lens, projector_lens
         )
@@ -155,20 +157,9 @@ def light_at(column, row, pixels: np.ndarray, reach: float) -> np.ndarray:
     (Moreno and Taubin 2012, "Simple, accurate, and robust projector-camera calibration"). Its
     least median of squares lets up to half of the fringe orders be wrong. Chapter 12.
 
-    Parameters
-    ----------
-    column, row : (H, W) arrays
-        Projector pixel that lights each camera pixel; NaN where unknown.
-    pixels : (P, 2) array
-        u, v, camera pixels.
-    reach : float
-        Half the window, camera pixels.
-
-    Returns
-    -------
-    (P, 2) float64 array
-        Column and row; NaN where less than a third of the window is known or the known pixels
-        lie to one side.
+    `column` and `row`, (H, W), NaN where unknown, are read at `pixels` u, v, (P, 2), in windows of
+    half the width `reach`, camera pixels. Returned are columns and rows, (P, 2); NaN where less
+    than a third of the window is known or the known pixels lie to one side.
 
     Examples
     --------
@@ -192,12 +183,11 @@ def light_at(column, row, pixels: np.ndarray, reach: float) -> np.ndarray:
     return light
 
 
-def _check(poses, projector, z_min, z_max):
+def _check(poses, names, projector, z_min, z_max):
     """Size (width, height) of the photographs."""
     if not len(poses):
         raise ValueError(f"no poses given; {LEAST_POSES} are needed, ten are better")
     shapes = sorted({np.shape(p.plain) for p in poses})
-    names = [_name(p, k) for k, p in enumerate(poses)]
     if len(shapes) > 1 or len(set(names)) < len(names):
         raise ValueError(f"photographs {shapes} called {names} given; one size, and each its name")
     if np.shape(projector) != (2,):
@@ -207,21 +197,6 @@ def _check(poses, projector, z_min, z_max):
     if not positive("z_min", z_min, "mm") < positive("z_max", z_max, "mm"):
         raise ValueError(f"measuring range {z_min} to {z_max} mm given; z_min < z_max is needed")
     return shapes[0][::-1]
-
-
-def _name(pose, k):
-    return pose.name or f"pose {k}"
-
-
-def _views(board, poses):
-    """What each pose shows, by name; and why others show nothing."""
-    views, rejected = {}, {}
-    for k, pose in enumerate(poses):
-        try:
-            views[_name(pose, k)] = _view(board, pose)
-        except ValueError as error:
-            rejected[_name(pose, k)] = str(error)
-    return views, rejected
 
 
 def _view(board: Board, pose: Pose) -> BoardView:
@@ -235,15 +210,15 @@ def _view(board: Board, pose: Pose) -> BoardView:
     return BoardView(board.points[which[known]], pixels[known], light[known])
 
 
-def _enough(views, rejected, number):
+def _enough(views, rejected):
     if len(views) < LEAST_POSES:
-        texts = dict.fromkeys(rejected.values())
-        reasons = "; ".join(
-            f"{', '.join(k for k, v in rejected.items() if v == text)}: {text}" for text in texts
-        )
+        names = {}
+        for name, text in rejected.items():
+            names.setdefault(text, []).append(name)
+        reasons = "; ".join(f"{', '.join(names[text])}: {text}" for text in names)
         raise ValueError(
-            f"{len(views)} of {number} poses can be used; {LEAST_POSES} are needed, ten are better"
-            + (f" ({reasons})" if reasons else "")
+            f"{len(views)} of {len(views) + len(rejected)} poses can be used; {LEAST_POSES} are "
+            "needed, ten are better" + (f" ({reasons})" if reasons else "")
         )
 
 

@@ -6,7 +6,7 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations, permutations
+from itertools import combinations
 from typing import NamedTuple
 
 import cv2
@@ -16,6 +16,7 @@ from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Reason
+from fpputil.decoding import phase
 
 FINDINGS = {
     "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
@@ -120,18 +121,9 @@ class Finding(NamedTuple):
 
 
 def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
-    """All that speaks against a capture, the severe first. Chapter 12.
+    """All that speaks against a capture along the axis of a measurement. Chapter 12.
 
-    Parameters
-    ----------
-    measurement : Measurement
-        What the fringes along one axis of the capture tell.
-    capture : Capture
-
-    Returns
-    -------
-    list of Finding
-        Without those that another one explains.
+    The severe come first; what another finding explains is left out.
 
     Examples
     --------
@@ -172,13 +164,12 @@ def _share(m: Measurement, reason: Reason) -> float:
 
 def _repeated(m, capture) -> Iterator[Finding]:
     """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
-    numbers = [k for k, f in enumerate(capture.patterns.fringes) if f.axis == m.axis]
-    for k, (frames, number) in enumerate(zip(m.sample, numbers, strict=True)):
-        frames = linearise(frames, m.gamma)
-        turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
-        strong = (2 / len(frames) * np.abs(turn @ frames) > 16) & (frames.max(axis=0) < 254)
+    for k, number in enumerate(capture.patterns.along(m.axis)):
+        frames = linearise(m.sample[k], m.gamma)
+        modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
+        strong = (modulation > 16) & (frames.max(axis=0) < 254)
         frames = frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
-        if frames.shape[1] < 20:
+        if frames.shape[1] < 20 or not STEPS[0] <= len(frames) <= STEPS[1]:
             continue
         files = [shot.file for shot in capture.of(number)]
         if pair := exchanged(frames):
@@ -206,14 +197,15 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
     declared = np.array([f.pitch for f in m.fringes])
 
     def spread(pitches):  # frequency times pitch is the same for all, if they are right
-        return np.ptp(np.log(frequencies * np.array(pitches)))
+        return np.ptp(np.log(frequencies * pitches))
 
     limit = 2 * np.log1p(PITCH_OFF)
-    nearest = np.abs(np.subtract.outer(declared, declared))[~np.eye(len(declared), dtype=bool)]
-    if spread(declared) < limit or nearest.min() < PITCH_OFF * declared.min():
+    nearest = np.diff(np.sort(declared)).min()
+    if spread(declared) < limit or nearest < PITCH_OFF * declared.min():
         return
     pitches = ", ".join(f"{p:g}" for p in declared)
-    best = min(permutations(declared), key=spread) if len(declared) <= 6 else tuple(declared)
+    best = declared.copy()
+    best[np.argsort(frequencies)] = np.sort(declared)[::-1]  # the coarser the longer
     if spread(best) < limit:
         yield _finding("swapped", pitches=pitches, likely=", ".join(f"{p:g}" for p in best))
     else:
@@ -230,9 +222,9 @@ def local_frequencies(m: Measurement) -> np.ndarray:
     for phi in m.wrapped:
         phasor = np.exp(1j * phi)
         turn = np.roll(phasor, -1, along) * phasor.conj() * (lit & np.roll(lit, -1, along))
-        parts = [np.ascontiguousarray(part, np.float32) for part in (turn.real, turn.imag)]
-        real, imaginary = (cv2.boxFilter(part, -1, SMOOTH) for part in parts)
-        medians.append(np.median(np.arctan2(imaginary, real)[lit]) if lit.any() else np.nan)
+        parts = turn.view(np.float32).reshape(*lit.shape, 2)
+        smooth = cv2.boxFilter(parts, -1, SMOOTH).view(np.complex64)[..., 0]
+        medians.append(np.median(np.angle(smooth[lit])) if lit.any() else np.nan)
     return np.array(medians)
 
 
@@ -292,8 +284,6 @@ def _light(m, capture) -> Iterator[Finding]:
 def misfits(frames) -> list[int]:
     """Steps of (N, S) without which a sinusoid leaves much less of the others, worst first."""
     bad: list[int] = []
-    if not STEPS[0] <= len(frames) <= STEPS[1]:
-        return bad
     while len(bad) < len(frames) // 4:
         keep = [n for n in range(len(frames)) if n not in bad]
         left = _left(frames, keep)
@@ -307,8 +297,6 @@ def misfits(frames) -> list[int]:
 
 def exchanged(frames) -> tuple[int, int] | None:
     """The two steps of (N, S) that, exchanged, make them a sinusoid; None if there are none."""
-    if not STEPS[0] <= len(frames) <= STEPS[1]:
-        return None
     steps = list(range(len(frames)))
     before, after = np.median(_left(frames, steps)), {}
     for a, b in combinations(steps, 2):

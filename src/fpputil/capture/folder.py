@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import tifffile
+import trimesh
 from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
@@ -18,9 +19,8 @@ from fpputil.capture.measurement import Measurement, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.report import page, report_numbers
-from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import depth_of
-from fpputil.files import folder_whole, write_arrays, write_whole
+from fpputil.files import folder_whole
 from fpputil.optics.system import System
 
 
@@ -30,15 +30,13 @@ class DecodedFolder:
 
     Parameters
     ----------
-    out : Path
-        Where the results lie.
-    summary : dict
-        What ``summary.json`` says; under ``decoded`` whether the phases were written.
+    out, summary : Path and dict
+        Where the results lie; what ``summary.json`` says, under ``decoded`` whether phases do.
     measurements, findings : tuples of Measurement and Finding
         Of each axis of the patterns; what speaks against them.
     points : (H, W, 3) array or None
-        World coordinates, mm; NaN outside mask and measuring range. None without a system,
-        without fringes along columns, or if the phases are wrong.
+        World coordinates, mm; NaN outside mask and measuring range. None without a system or
+        fringes along columns, or if the phases are wrong.
     """
 
     out: Path
@@ -55,14 +53,12 @@ def decode_folder(
     *,
     patterns: Patterns | None = None,
     full: float | None = None,
-    threshold: float = THRESHOLD,
-    gamma: float | None = None,
-    noise: float | None = None,
     accept: bool = False,
     report: bool = True,
     pictures: bool = True,
     force: bool = False,
     progress: bool = False,
+    **how,
 ) -> DecodedFolder:
     """Decode a folder of photographs into a new folder, as `fpp decode` does. Chapter 12.
 
@@ -72,18 +68,15 @@ def decode_folder(
 
     Parameters
     ----------
-    folder : path
-        Photographs.
-    out : path, optional
-        New folder; by default ``FOLDER-decoded``.
-    patterns, full
-        As of `open_capture`.
-    system, threshold, gamma, noise
-        As of `measure`; with a system there are points and depths, mm.
-    accept, report, pictures : bool
-        Write phases although they are wrong; write ``report.html``; write TIFF files.
-    force, progress : bool
-        Take the place of an earlier decoding at `out`; show a bar in a terminal.
+    folder, out : path
+        Photographs, and a new folder; by default ``FOLDER-decoded``.
+    system : System, optional
+        For points and depths, and the minimum phase.
+    patterns, full, **how
+        As of `open_capture`; threshold, gamma and noise as of `measure`.
+    accept, report, pictures, force, progress : bool
+        Write phases although they are wrong; write ``report.html``; write TIFF files; take the
+        place of an earlier decoding; show a bar in a terminal.
 
     Raises
     ------
@@ -108,14 +101,14 @@ def decode_folder(
     """
     start, folder = time.perf_counter(), Path(folder)
     capture = open_capture(folder, patterns, full)
-    name = folder.absolute().name
-    out = folder.with_name(f"{name}-decoded") if out is None else Path(out)
-    how = {"threshold": threshold, "gamma": gamma, "noise": noise, "system": system}
+    folder = folder if folder.name else folder.absolute()  # "." has no name
+    out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     with folder_whole(out, "fpp decode", force, [folder]) as partial:
         axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)
         quiet = None if progress else True
         with tqdm(total=total, unit="photo", leave=False, disable=quiet) as bar:
-            measurements = tuple(measure(capture, axis, **how, each=bar.update) for axis in axes)
+            how |= {"system": system, "each": bar.update}
+            measurements = tuple(measure(capture, axis, **how) for axis in axes)
         findings = tuple(f for one in measurements for f in diagnose(one, capture))
         decoded = accept or not any(f.severe for f in findings)
         points = depth = None
@@ -136,17 +129,18 @@ def decode_folder(
                     colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
-            write_arrays(partial / "decoded.npz", arrays, compress=False)
+            np.savez(partial / "decoded.npz", **arrays)
             for key, values in arrays.items() if pictures else ():
                 if values.dtype.kind != "f":  # a mask as 0 and 255, a reason as it is
                     values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
                 tifffile.imwrite(partial / f"{key}.tif", values, photometric="minisblack")
         if report:
-            title = os.fsencode(name).decode(errors="backslashreplace")  # in any script and locale
-            html = page(f"Decoding of {title}", measurements, findings, depth)
-            write_whole(partial / "report.html", html.encode())
+            name = os.fsencode(folder.name).decode(errors="backslashreplace")  # in any locale
+            html = page(f"Decoding of {name}", measurements, findings, depth)
+            (partial / "report.html").write_text(html, encoding="utf-8")
         summary["seconds"] = round(time.perf_counter() - start, 2)
-        write_whole(partial / "summary.json", f"{json.dumps(summary, indent=1)}\n".encode())
+        text = json.dumps(summary, indent=1) + "\n"
+        (partial / "summary.json").write_text(text, encoding="utf-8")
     return DecodedFolder(out, summary, measurements, findings, points)
 
 
@@ -162,10 +156,8 @@ def board_pose(
 
     Returns
     -------
-    Pose
-        What `fpputil.calibration.calibrate` takes, called like the folder.
-    (width, height)
-        Of the projector, pixels.
+    Pose, (width, height)
+        What `fpputil.calibration.calibrate` takes, called like the folder; the projector's pixels.
 
     Raises
     ------
@@ -179,8 +171,7 @@ def board_pose(
             "columns and rows (`fpp patterns --axis both`)"
         )
     across, down = (measure(capture, axis) for axis in ("column", "row"))
-    severe = [f.message for one in (across, down) for f in diagnose(one, capture) if f.severe]
-    if severe:
+    if severe := [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]:
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)
@@ -188,20 +179,11 @@ def board_pose(
 
 
 def _save_points(path: Path, points, colours, sigma) -> int:
-    """Write the finite points as binary PLY; returns their number.
-
-    Each has its colour and the standard deviation of its depth, `sigma`, mm: a property of the
-    vertices that trimesh does not write with a point cloud.
-    """
+    """Write the finite points as PLY, each with the `sigma` of its depth, mm; returns how many."""
     keep = np.isfinite(points).all(axis=-1) & np.isfinite(sigma)
     if not keep.any():
         raise ValueError("no point inside the measuring range; is the system the capture's own?")
-    columns = np.column_stack([points[keep], sigma[keep]]).astype("<f4")
-    vertices = np.empty(len(columns), [("floats", "<f4", 4), ("colours", "u1", 3)])
-    vertices["floats"], vertices["colours"] = columns, colours[keep]
-    properties = [f"property float {name}" for name in ("x", "y", "z", "sigma")]
-    properties += [f"property uchar {name}" for name in ("red", "green", "blue")]
-    head = ["ply", "format binary_little_endian 1.0", "comment mm"]
-    head += [f"element vertex {len(vertices)}", *properties, "end_header", ""]
-    write_whole(path, "\n".join(head).encode() + vertices.tobytes())
-    return len(vertices)
+    cloud = trimesh.PointCloud(points[keep], colours[keep])
+    cloud.vertex_attributes = {"sigma": sigma[keep].astype("f4")}  # written as those of a mesh are
+    cloud.export(path)
+    return len(cloud.vertices)

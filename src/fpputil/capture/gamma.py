@@ -1,13 +1,11 @@
 """A response that is not linear: how it shows in a phase, and how to take it back (chapter 12).
 
-Projector and camera together raise the light to an exponent, gamma. That adds harmonics to the
-fringe, and few steps take a harmonic for the fringe itself. Gamma is found where the photographs,
-raised to 1 / gamma, lose their second harmonic; that needs no target, only five steps or more.
+Projector and camera together raise the light to an exponent, gamma. That adds harmonics, which few
+steps take for the fringe itself. Gamma is found where the photographs, raised to 1 / gamma, lose
+their second harmonic; that needs no target, only five steps or more.
 """
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -15,11 +13,8 @@ from scipy.optimize import brentq
 from fpputil.checks import positive
 from fpputil.optics.fringes import WHITE
 
-INVERSES = (0.15, 3.0)
-"""Between which 1 / gamma is looked for."""
-
-LEAST_STEPS = 5
-"""With four steps or fewer the second harmonic cannot be told from the fringe or from itself."""
+INVERSES = (0.15, 3.0)  # between which 1 / gamma is looked for
+LEAST_STEPS = 5  # with four the second harmonic cannot be told from the fringe or from itself
 
 
 def linearise(frames, gamma: float, full: float = WHITE):
@@ -46,14 +41,16 @@ def linearise(frames, gamma: float, full: float = WHITE):
     >>> linearise(photograph, 0.5).tolist()
     [0.0, 63.75, 255.0]
     """
-    return _raised(frames, 1 / positive("gamma", gamma), full)
+    inverse = 1 / positive("gamma", gamma)
+    if frames.dtype in (np.uint8, np.uint16):  # each grey level once
+        return linearise(np.arange(np.iinfo(frames.dtype).max + 1.0), gamma, full)[frames]
+    return (WHITE * (np.maximum(frames, 0) / full) ** inverse).astype(np.float32)
 
 
 def harmonic_ratio(frames: np.ndarray, order: int) -> float:
     """Strength of a harmonic in photographs of a fringe, over that of the fringe. Chapter 12.
 
-    It is signed: positive where it is in step with the fringe, so that its bright half is the
-    narrower one. 0 for a linear response.
+    Positive where the bright half of the fringe is the narrower one; 0 for a linear response.
 
     Parameters
     ----------
@@ -79,7 +76,7 @@ def harmonic_ratio(frames: np.ndarray, order: int) -> float:
     return float((along * size).sum() / (size**2).sum())
 
 
-def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
+def estimate_gamma(frames: np.ndarray) -> float:
     """Exponent of the response through which a fringe was photographed. Chapter 12.
 
     Between 1/3 and 6.7. Of light from elsewhere it knows nothing: black should be 0.
@@ -87,9 +84,7 @@ def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
     Parameters
     ----------
     frames : (N, P) array
-        All N >= 5 steps at P pixels that are well lit and not saturated.
-    full : float
-        Grey level of saturation.
+        All N >= 5 steps at P pixels that are well lit and not saturated, grey levels of 255.
 
     Raises
     ------
@@ -110,7 +105,7 @@ def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
         )
 
     def second(inverse):
-        return harmonic_ratio(_raised(frames, inverse, full), 2)
+        return harmonic_ratio(linearise(frames, 1 / inverse), 2)
 
     ends = [second(inverse) for inverse in INVERSES]
     if not ends[0] < 0 < ends[1]:
@@ -119,15 +114,3 @@ def estimate_gamma(frames: np.ndarray, full: float = WHITE) -> float:
             f"{1 / INVERSES[0]:.1f} to {1 / INVERSES[1]:.2f}: none takes it away; give one, or 1"
         )
     return 1 / float(brentq(second, *INVERSES, xtol=1e-4))
-
-
-def _raised(frames, inverse: float, full: float):
-    if np.issubdtype(frames.dtype, np.integer):
-        return _table(np.iinfo(frames.dtype).max + 1, inverse, full)[frames]
-    return (WHITE * (np.maximum(frames, 0) / full) ** inverse).astype(np.float32)
-
-
-@lru_cache(maxsize=4)
-def _table(levels: int, inverse: float, full: float) -> np.ndarray:
-    """Each grey level made linear."""
-    return _raised(np.arange(levels, dtype=float), inverse, full)

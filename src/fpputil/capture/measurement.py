@@ -1,13 +1,14 @@
 """A capture to absolute phases, with what each pixel is worth: mask, reason, uncertainty (ch. 12).
 
-Of the photographs one fringe at a time is in memory. Of all a few thousand pixels are kept, for
-what can only be seen in the photographs themselves.
+One fringe at a time is in memory. Of all photographs a few thousand pixels are kept, for what can
+only be seen in them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,18 +17,14 @@ from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Fit, Noise, Reason, fit, judge, noise_of
 from fpputil.checks import not_negative
-from fpputil.decoding import unwrap
+from fpputil.decoding import phase, unwrap
 from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
-from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import points_of
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
-SAMPLE = 64
-"""Rows and columns of the grid of pixels that are kept whole."""
-
-LINEAR = 0.04
-"""A gamma as near to 1 as this leaves a second harmonic of one hundredth: not worth a change."""
+SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
+LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -119,7 +116,7 @@ def measure(
     capture: Capture,
     axis: str = "column",
     *,
-    threshold: float = THRESHOLD,
+    threshold: float = phase.THRESHOLD,
     gamma: float | None = None,
     noise: float | None = None,
     system: System | None = None,
@@ -133,8 +130,8 @@ def measure(
     axis : {"column", "row"}
     threshold : float
         Least modulation of every pitch, grey levels of 255.
-    gamma : float or None
-        Exponent of the response, which is taken back. None estimates it from the fringe of most
+    gamma : float, optional
+        Exponent of the response, which is taken back. By default estimated from the fringe of most
         steps, if that has five or more and another one fewer: from five steps on the harmonics of
         a response fall out, and taking it back would only raise the noise of the dark.
     noise : float, optional
@@ -166,18 +163,17 @@ def measure(
     threshold = not_negative("threshold", threshold, "grey levels")
     patterns = capture.patterns
     unwrapped = unwrapper(patterns, axis, system, capture.size)
+    fringes = tuple(patterns.along(axis).values())
     fits, sample, gamma = _read(capture, axis, gamma, each)
-    fringes = patterns.along(axis)
     if noise is None:
         variance = noise_of([linearise(frames, gamma) for frames in sample], threshold)
     else:
         variance = Noise(not_negative("noise", noise, "grey levels") ** 2, 0.0, True)
-    Phis = unwrapped(np.stack([one.wrapped for one in fits]))
+    Phis = unwrapped([one.wrapped for one in fits])
     reason, sigmas, offsets, sharpness = judge(
         fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)
     )
-    finest = int(np.argmin([f.pitch for f in fringes]))
-    good = reason == Reason.GOOD
+    finest, good = int(np.argmin([f.pitch for f in fringes])), reason == Reason.GOOD
     return Measurement(
         axis=axis,
         fringes=fringes,
@@ -196,16 +192,16 @@ def measure(
 
 
 def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable:
-    """Function from wrapped phases (P, H, W) to absolute ones, checked before any phase is there.
+    """Function from P wrapped phases (H, W) to absolute ones, checked before any phase is there.
 
     ValueError if there is no fringe along the axis, the pitches do not suit the unwrapping, or it
     needs a system that is not given.
     """
-    pitches, width = [f.pitch for f in patterns.along(axis)], patterns.width(axis)
+    pitches, width = [f.pitch for f in patterns.along(axis).values()], patterns.width(axis)
     if patterns.unwrap != "minimum":
         method = unwrap.TEMPORAL[patterns.unwrap]
         method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
-        return lambda wrapped: method(list(wrapped), pitches, width)
+        return lambda phis: method(phis, pitches, width)
     if system is None or axis != "column":
         lack = "no system" if system is None else "fringes along rows"
         raise ValueError(
@@ -220,9 +216,9 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
     unwrap.check_pitches(pitches, pitches)
     Phi_min = minimum_phase(system, pitches[0]).astype(np.float32)
 
-    def unwrapped(wrapped):
-        Phis = [unwrap.absolute_phase(wrapped[0], zmin_order(wrapped[0], Phi_min))]
-        for phi, longer, pitch in zip(wrapped[1:], pitches, pitches[1:], strict=False):
+    def unwrapped(phis):
+        Phis = [unwrap.absolute_phase(phis[0], zmin_order(phis[0], Phi_min))]
+        for phi, (longer, pitch) in zip(phis[1:], pairwise(pitches), strict=True):
             K = unwrap.fringe_order(phi, Phis[-1], longer / pitch)
             Phis.append(unwrap.absolute_phase(phi, K))
         return Phis
@@ -235,31 +231,27 @@ def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.
 
     The fringe that tells gamma is read first.
     """
-    patterns = capture.patterns
-    numbers = [k for k, f in enumerate(patterns.fringes) if f.axis == axis]
+    fringes, shift = capture.patterns.along(axis), capture.patterns.shift
     ticks = [np.linspace(0, n - 1, min(n, SAMPLE)).astype(int) for n in capture.size]
-    fits, sample, few = {}, {}, min(patterns.fringes[k].steps for k in numbers) < LEAST_STEPS
-    for k in sorted(numbers, key=lambda k: (-patterns.fringes[k].steps, patterns.fringes[k].pitch)):
-        fringe, frames = patterns.fringes[k], capture.frames(k)
+    fits, sample, few = {}, {}, min(f.steps for f in fringes.values()) < LEAST_STEPS
+    for k, fringe in sorted(fringes.items(), key=lambda item: (-item[1].steps, item[1].pitch)):
+        frames = capture.frames(k)
         grid = frames[:, *np.ix_(*ticks)].reshape(fringe.steps, -1) * np.float32(capture.scale)
         if gamma is None:
             gamma = _gamma(grid) if few else 1.0
-        fits[k], sample[k] = fit(frames, fringe, patterns.shift, gamma, capture.full), grid
+        fits[k], sample[k] = fit(frames, fringe, shift, gamma, capture.full), grid
         del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)
-    return [fits[k] for k in numbers], [sample[k] for k in numbers], gamma
+    return [fits[k] for k in fringes], [sample[k] for k in fringes], gamma
 
 
 def _gamma(frames: np.ndarray) -> float:
     """Gamma of photographs (N, S); 1 if they nearly are linear, or do not tell."""
-    if len(frames) < LEAST_STEPS:
-        return 1.0
-    turn = np.exp(-2j * np.pi * np.arange(len(frames)) / len(frames))
-    modulation = 2 / len(frames) * np.abs(turn @ frames)
-    use = (modulation > 2 * THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
+    modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
+    use = (modulation > 2 * phase.THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
     try:
         gamma = estimate_gamma(frames[:, use])
-    except ValueError:  # which the finding "response" then tells
+    except ValueError:  # too few steps, or nothing fits: the finding "response" tells
         return 1.0
     return 1.0 if abs(np.log(gamma)) < LINEAR else gamma

@@ -19,17 +19,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpputil.decoding.unwrap import TEMPORAL
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE, Fringe
 
 NAME = "patterns.toml"
-UNWRAP = ("mf", "mw", "nt", "minimum")
+UNWRAP = (*TEMPORAL, "minimum")
 ORDERS = ("fringe", "step")
-LARGEST = 2**15
-"""Of a projector's sides and of the steps of a fringe: more is a slip of the hand."""
-
+LARGEST = 2**15  # of a projector's sides and of the steps of a fringe: more is a slip of the hand
+FORMATS = {"axis": "s", "pitch": "g", "step": "d", "number": "d"}
 FIELD = re.compile(r"\{(axis|pitch|step|number)(?::(0?[1-9]))?\}")
 KEYS = ("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "fringes")
+FRINGE = ("axis", "pitch", "steps")
 
 
 class Shot(NamedTuple):
@@ -94,8 +95,7 @@ class Patterns:
 
     def __post_init__(self):
         for name in ("projector", "fringes"):
-            value = getattr(self, name)
-            object.__setattr__(self, name, tuple(value) if isinstance(value, list) else value)
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         for name, (fits, needed) in NEEDED.items():
             if not fits(value := getattr(self, name)):
                 raise ValueError(f"{name} {value!r} given; {needed}")
@@ -120,11 +120,11 @@ class Patterns:
         """Axes in the order of their first fringe."""
         return list(dict.fromkeys(f.axis for f in self.fringes))
 
-    def along(self, axis: str) -> tuple[Fringe, ...]:
-        """Fringes of an axis; ValueError if there are none."""
+    def along(self, axis: str) -> dict[int, Fringe]:
+        """Fringes of an axis by their number; ValueError if there are none."""
         if axis not in self.axes:
             raise ValueError(f"axis {axis!r} given; the patterns have {', '.join(self.axes)}")
-        return tuple(f for f in self.fringes if f.axis == axis)
+        return {k: f for k, f in enumerate(self.fringes) if f.axis == axis}
 
     def width(self, axis: str) -> int:
         """Projector pixels along an axis: columns or rows."""
@@ -153,12 +153,20 @@ class Patterns:
         line = np.arange(self.width(fringe.axis))
         step = shot.step * self.shift % fringe.steps
         value = np.rint(fringe.intensity(line, step)).astype(np.uint8)
-        along = value[None, :] if fringe.axis == "column" else value[:, None]
-        return np.ascontiguousarray(np.broadcast_to(along, (height, width)))
+        column = fringe.axis == "column"
+        return np.tile(value, (height, 1)) if column else np.tile(value[:, None], width)
 
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
-        write_whole(path, _toml(self).encode())
+
+        def line(of, name):  # JSON writes numbers, strings and lists of them as TOML does
+            plain = {"ensure_ascii": False, "default": lambda number: number.item()}
+            return f"{name} = {json.dumps(getattr(of, name), **plain)}\n"
+
+        text = "".join(line(self, name) for name in KEYS[:-1])
+        for fringe in self.fringes:
+            text += "\n[[fringes]]\n" + "".join(line(fringe, name) for name in FRINGE)
+        write_whole(path, text.encode())
 
     @classmethod
     def load(cls, path: str | Path) -> Patterns:
@@ -182,19 +190,10 @@ class Patterns:
     def _name(self, k: int, n: int, number: int) -> str:
         fringe, step = self.fringes[k], n + self.first
         values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
-
-        def filled(match):
-            value, digits = values[match[1]], match[2] or "0"
-            kind = "g" if match[1] == "pitch" else "d"
-            return value if match[1] == "axis" else f"{value:{digits}{kind}}"
-
-        return FIELD.sub(filled, self.files)
+        return FIELD.sub(lambda m: format(values[m[1]], (m[2] or "") + FORMATS[m[1]]), self.files)
 
     def _matching(self, names: Sequence[str], plain: list[Shot], needed: int):
-        """Photographs in plain light, and the names of all others in natural order.
-
-        Plain ones that do not go by their own names are the first of all.
-        """
+        """Photographs in plain light, by name or the first of all, and names of the others."""
         plain_names = {shot.file for shot in plain}
         matching = sorted((n for n in names if fnmatchcase(n, self.files)), key=natural)
         if plain_names & set(names):
@@ -227,16 +226,11 @@ def _is_name(value) -> bool:
 
 NEEDED = {
     "projector": (
-        lambda v: isinstance(v, tuple) and len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
+        lambda v: len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
         f"width and height, 1 to {LARGEST} pixels each, are needed",
     ),
     "fringes": (
-        lambda v: (
-            isinstance(v, tuple)
-            and v
-            and all(isinstance(f, Fringe) for f in v)
-            and max(f.steps for f in v) <= LARGEST
-        ),
+        lambda v: v and all(isinstance(f, Fringe) and f.steps <= LARGEST for f in v),
         f"one Fringe or more, each of up to {LARGEST} steps, is needed",
     ),
     "unwrap": (lambda v: v in UNWRAP, f"one of {', '.join(UNWRAP)} is needed"),
@@ -250,17 +244,7 @@ NEEDED = {
 """Of each entry of `Patterns` what it must be, and how that is said."""
 
 
-def _toml(p: Patterns) -> str:
-    lines = [f"projector = [{p.projector[0]}, {p.projector[1]}]"]
-    lines += [f"{name} = {json.dumps(getattr(p, name), ensure_ascii=False)}" for name in KEYS[1:-1]]
-    for f in p.fringes:
-        lines += ["", "[[fringes]]", f'axis = "{f.axis}"', f"pitch = {f.pitch!r}"]
-        lines.append(f"steps = {f.steps}")
-    return "\n".join(lines) + "\n"
-
-
 def _fringe(entry) -> Fringe:
-    known = ("axis", "pitch", "steps")
-    if not isinstance(entry, dict) or not {"pitch", "steps"} <= set(entry) <= set(known):
+    if not isinstance(entry, dict) or not {"pitch", "steps"} <= set(entry) <= set(FRINGE):
         raise ValueError(f"fringe {entry!r} found; pitch and steps are needed, axis may be given")
     return Fringe(**entry)

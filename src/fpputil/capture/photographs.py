@@ -13,6 +13,7 @@ import numpy as np
 
 from fpputil.capture.patterns import NAME, Patterns, Shot
 from fpputil.checks import positive
+from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
@@ -52,10 +53,8 @@ class Capture:
         white = self.shots[0]
         if white.fringe >= 0 or white.step != 0:
             return None
-        self._read(white)  # which says so if it differs from the others
-        image = np.rint(_pixels(self.folder / white.file) * self.scale)
-        image = np.clip(image, 0, 255).astype(np.uint8)
-        return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+        image = np.clip(np.rint(self._read(white) * self.scale), 0, 255).astype(np.uint8)
+        return image if image.ndim == 3 else np.stack([image] * 3, axis=2)
 
     def of(self, fringe: int) -> list[Shot]:
         """Photographs of a fringe by step."""
@@ -67,13 +66,14 @@ class Capture:
         frames = np.empty((len(shots), *self.size), self.dtype)
         with ThreadPoolExecutor(2) as pool:
             for n, image in enumerate(pool.map(self._read, shots)):
-                frames[n] = image
+                frames[n] = _grey(image)
         return frames
 
     def _read(self, shot: Shot) -> np.ndarray:
+        """(H, W), or (H, W, 3), of the size and depth of the first."""
         path = self.folder / shot.file
-        image = read_photograph(path)
-        (height, width), (h, w) = image.shape, self.size
+        image = _pixels(path)
+        (height, width), (h, w) = image.shape[:2], self.size
         if (height, width) != (h, w) or image.dtype != self.dtype:
             raise ValueError(
                 f"{path} is {width} x {height} of {image.dtype}, the first photograph {w} x {h} of "
@@ -152,39 +152,50 @@ def read_photograph(path: str | Path) -> np.ndarray:
     ...     read_photograph(f"{folder}/a.npy").tolist()
     [[7, 7, 7], [7, 7, 7]]
     """
-    image = _pixels(Path(path))
+    return _grey(_pixels(Path(path)))
+
+
+def _grey(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
+
+
+def write_photograph(path: Path, image: np.ndarray) -> None:
+    """Write (H, W) grey levels as `read_photograph` reads them, whole or not at all."""
+    if _is_array(path):
+        np.save(data := io.BytesIO(), image)
+        write_whole(path, data.getvalue())
+    else:
+        write_whole(path, cv2.imencode(path.suffix, image)[1].tobytes())
+
+
+def _is_array(path: Path) -> bool:
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path} given; {READ} files are read")
+    return path.suffix.lower() == ".npy"
 
 
 def _pixels(path: Path) -> np.ndarray:
     """(H, W), or (H, W, 3) with red first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
-    if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{path} given; {READ} files are read")
-    data, is_array = path.read_bytes(), path.suffix.lower() == ".npy"
-    kind = "an array of numbers" if is_array else "an image that OpenCV reads"
+    data, is_array = np.fromfile(path, np.uint8), _is_array(path)
     try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
         if is_array:
             image = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-        else:
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        elif (image := cv2.imdecode(data, cv2.IMREAD_UNCHANGED)) is None:
+            raise ValueError("OpenCV does not read it")
     except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
+        kind = "an array of numbers" if is_array else "an image"
         raise ValueError(f"{path} is cut, or not {kind} ({error})") from error
-    if image is None:
-        raise ValueError(f"{path} is cut, or not {kind}")
-    if not is_array and image.ndim == 3 and image.shape[2] >= 3:
-        image = image[..., [2, 1, 0]]
     if image.dtype.kind == "f":
         image = image.astype(np.float32, copy=False)
     elif image.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"{path} has dtype {image.dtype}; uint8, uint16 or floats are read")
-    if image.ndim == 3 and image.shape[2] in (1, 3, 4):
-        image = image[..., 0] if image.shape[2] == 1 else image[..., :3]  # without transparency
-    elif image.ndim != 2:
+    if not image.size or image.shape[2:] not in ((), (1,), (3,), (4,)) or image.ndim == 1:
         raise ValueError(f"{path} has shape {image.shape}; a photograph is (H, W), or has colours")
-    if 0 in image.shape:
-        raise ValueError(f"{path} has shape {image.shape}; a photograph has pixels")
+    if image.ndim == 3:  # OpenCV puts red last but for the transparency, which goes
+        channels = [0, 1, 2] if is_array else [2, 1, 0]
+        image = image[..., 0 if image.shape[2] == 1 else channels]
     if not np.isfinite(image).all():
         raise ValueError(f"{path} has pixels that are NaN or infinite; photograph again")
     return np.ascontiguousarray(image)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from typing import NamedTuple
 
 import cv2
@@ -17,9 +18,7 @@ from fpputil.decoding import phase
 from fpputil.decoding.unwrap import TWO_PI, beat, guard_columns
 from fpputil.optics.fringes import WHITE, Fringe
 
-QUANTISATION = 1 / 12
-"""Variance of rounding, grey levels squared: the least noise a capture is credited with."""
-
+QUANTISATION = 1 / 12  # variance of rounding, grey levels squared: the least noise there is
 CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly turns the phase
 SCATTER = 0.25  # of the modulation, beyond three times the noise
 UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
@@ -64,17 +63,10 @@ class Fit(NamedTuple):
 
 
 def fit(frames, fringe: Fringe, shift: int = 1, gamma: float = 1.0, full: float = WHITE) -> Fit:
-    """Fit the sinusoid of a fringe to its photographs. Chapter 12.
+    """Fit the sinusoid of a fringe to all its photographs, (N, H, W). Chapter 12.
 
-    Parameters
-    ----------
-    frames : (N, H, W) array
-        All steps; uint8, uint16 or float32.
-    fringe : Fringe
-    shift : {1, -1}
-        Direction of the steps.
-    gamma, full : float
-        As of `fpputil.capture.gamma.linearise`, which is done first.
+    `shift`, 1 or -1, is the direction of the steps; `gamma` and `full` are of `linearise`, which
+    is done first.
 
     Examples
     --------
@@ -125,14 +117,9 @@ class Noise:
 def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
     """Noise of photographs of phase-shifted fringes. Chapter 12.
 
-    In each class of grey level the pixels that scatter most, at edges or by motion, do not count.
-
-    Parameters
-    ----------
-    sample : sequence of (N, S) arrays
-        All steps of each fringe at S pixels, grey levels of 255.
-    threshold : float
-        Least modulation of pixels that count, grey levels.
+    Of each fringe the sample has all steps at S pixels, (N, S), grey levels of 255. Pixels of less
+    modulation than `threshold` do not count, nor in each class of grey level those that scatter
+    most, at edges or by motion.
 
     Examples
     --------
@@ -143,7 +130,7 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
     >>> noise.known, round(float(noise.variance(120)))  # of a scatter of 2
     (True, 4)
     """
-    levels, variances = [], []
+    points = []
     for frames in sample:
         scatter, use = _scatter(frames, threshold)
         if use.sum() < LEAST_PIXELS:
@@ -151,9 +138,8 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
         level, scatter = frames[:, use].mean(axis=0), scatter[use]
         for members in np.array_split(np.argsort(level), min(CLASSES, 1 + len(level) // EACH)):
             kept = np.sort(scatter[members])[: round((1 - OUTLIERS) * len(members))]
-            levels.append(np.mean(level[members]))
-            variances.append(kept.mean() / LEFT)
-    return _line(levels, variances)
+            points.append((level[members].mean(), kept.mean() / LEFT))
+    return _line(points)
 
 
 def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
@@ -175,11 +161,11 @@ def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(frames.shape[1]), np.zeros(frames.shape[1], bool)
 
 
-def _line(levels, variances) -> Noise:
+def _line(points) -> Noise:
     """Variance as a line over the level, or a constant where it cannot be told or falls."""
-    if not levels:
+    if not points:
         return Noise(QUANTISATION, 0.0, False)
-    levels, variances = np.array(levels), np.array(variances)
+    levels, variances = map(np.array, zip(*points, strict=True))
     slope, constant = np.polyfit(levels, variances, 1) if np.ptp(levels) > 20 else (-1, 0)
     if slope < 0:
         slope, constant = 0.0, np.mean(variances)
@@ -199,16 +185,8 @@ def judge(
 ) -> tuple[np.ndarray, list[np.ndarray], np.ndarray, np.ndarray]:
     """Find a reason not to trust a pixel. Chapter 12.
 
-    Parameters
-    ----------
-    fits, fringes : sequences of P Fit and Fringe
-    Phis : sequence of P (H, W) arrays
-        Absolute phases, radians.
-    noise : Noise
-    threshold : float
-        Least modulation of each pitch, grey levels.
-    method, width
-        `unwrap` and `width(axis)` of the `Patterns`.
+    It takes of each of P pitches the fit, the fringe and the absolute phase, (H, W), radians; the
+    noise, the least modulation, grey levels, and `unwrap` and `width(axis)` of the `Patterns`.
 
     Returns
     -------
@@ -222,11 +200,12 @@ def judge(
         near 0 if they tell nothing.
     """
     reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
-    pairs = zip(fits, fringes, strict=True)
-    sigmas = [_look(one, fringe.steps, noise, threshold, reason) for one, fringe in pairs]
-    for k in range(len(fits) - 1):
-        sigma = np.hypot(sigmas[k], sigmas[k + 1])
-        _mark_unsteady(fits[k].modulation, fits[k + 1].modulation, sigma, reason)
+    sigmas = [
+        _look(one, fringe.steps, noise, threshold, reason)
+        for one, fringe in zip(fits, fringes, strict=True)
+    ]
+    for (one, other), noises in zip(pairwise(fits), pairwise(sigmas), strict=True):
+        _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), reason)
     means = []
     for apart, sigma in _apart(Phis, pitches, sigmas, method):
         turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD])
@@ -247,12 +226,8 @@ def judge(
 def order_step(method: str, p: float, q: float) -> float:
     """How far the columns of two pitches part, projector pixels, if an order is wrong by one.
 
-    Between neighbours of a hierarchy that is the shorter pitch. By beats both orders are wrong
-    together, so the columns part by the difference of the pitches; in the number-theoretical
-    method by their greatest common divisor.
+    By beats both orders are wrong together.
 
-    Examples
-    --------
     >>> [order_step(method, 30, 24) for method in ("mf", "mw", "nt")]
     [24, 6, 6]
     """
@@ -300,13 +275,13 @@ def _apart(Phis, pitches, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarr
 
     By beats also the columns of neighbouring beats, and of their beats.
     """
-    for k, (p, q) in enumerate(zip(pitches, pitches[1:], strict=False)):
+    for k, (p, q) in enumerate(pairwise(pitches)):
         step = TWO_PI * order_step(method, p, q)
         one, other = np.float32(p / step), np.float32(q / step)
         apart = Phis[k] * one - Phis[k + 1] * other
         yield apart, np.hypot(sigmas[k] * one, sigmas[k + 1] * other)
     if method == "mw" and len(pitches) > 2:
-        beats = [beat(p, q) for p, q in zip(pitches, pitches[1:], strict=False)]
+        beats = [beat(p, q) for p, q in pairwise(pitches)]
         order = np.argsort(beats)
         both = [np.hypot(sigmas[j], sigmas[j + 1]) for j in order]  # a difference has both's noise
         Phis = [Phis[j] - Phis[j + 1] for j in order]

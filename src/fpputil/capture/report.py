@@ -5,10 +5,10 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from jinja2 import Environment, PackageLoader
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
@@ -38,17 +38,17 @@ def page(
 
     It takes the `Measurement` of each axis, the findings of all of them, and the depth, (H, W), mm.
     """
-    from jinja2 import Environment
-
     pictures = {}
     for one in measurements:
         figure, file = overview(one, depth if one.axis == "column" else None), io.BytesIO()
         figure.savefig(file, format="png", dpi=100)
         plt.close(figure)
         pictures[one.axis] = base64.b64encode(file.getvalue()).decode()
-    text = Path(__file__).with_name("report.html").read_text(encoding="utf-8")
-    template = Environment(autoescape=True, trim_blocks=True).from_string(text)
+    templates = Environment(
+        loader=PackageLoader("fpputil", "capture"), autoescape=True, trim_blocks=True
+    )
     numbers = {one.axis: report_numbers(one) for one in measurements}
+    template = templates.get_template("report.html")
     return template.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
 
 
@@ -88,7 +88,11 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     plotting.wrapped(axes[3], wrapped[few], f"wrapped phase, pitch {m.pitch:g}")
     plotting.absolute(axes[4], m.Phi[few])
     plotting.quantity(axes[5], m.sigma[few], "uncertainty", "rad", 0, high)
-    _suspects(axes[6], m.reason[few])
+    image = axes[6].imshow(m.reason[few], cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
+    bar = fig.colorbar(image, ax=axes[6], ticks=range(7), fraction=0.046, pad=0.03)
+    bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
+    axes[6].set(xticks=[], yticks=[], title="why a pixel is left out")
+    axes[6].grid(False)
     labels = {"xlabel": "modulation, grey levels", "title": "modulation", "yscale": "log"}
     _histogram(axes[7], m, m.modulation, 128, **labels)
     if depth is None:
@@ -107,11 +111,3 @@ def _histogram(ax, m: Measurement, values, top: float, **labels) -> None:
         ax.hist(levels.ravel(), label=f"pitch {fringe.pitch:g}", **how)
     ax.set(xlim=(0, top), **labels)
     ax.legend(fontsize=7)
-
-
-def _suspects(ax, reason) -> None:
-    image = ax.imshow(reason, cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
-    bar = ax.figure.colorbar(image, ax=ax, ticks=range(7), fraction=0.046, pad=0.03)
-    bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
-    ax.set(xticks=[], yticks=[], title="why a pixel is left out")
-    ax.grid(False)

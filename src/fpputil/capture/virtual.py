@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from fpputil.capture.patterns import NAME, Patterns, Shot
-from fpputil.checks import seeded, whole
-from fpputil.files import write_arrays, write_whole
+from fpputil.capture.photographs import write_photograph
+from fpputil.checks import seeded
+from fpputil.files import write_arrays
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -23,10 +23,8 @@ def photograph(
 
     Parameters
     ----------
-    view : View
-    patterns : Patterns
-    system : System
-        With which the view was made.
+    view, patterns, system
+        What is seen, what is projected, and the `System` with which the view was made.
     seed : int
         Of the noise.
     response : float
@@ -45,8 +43,8 @@ def photograph(
             f"{projector.width} x {projector.height}"
         )
     shots = patterns.shots()
-    seeds = seeded(whole("seed", seed, 0)).integers(2**31, size=len(shots))
-    for shot, drawn in zip(shots, seeds.tolist(), strict=True):
+    seeds = seeded(seed).integers(2**31, size=len(shots)).tolist()
+    for shot, drawn in zip(shots, seeds, strict=True):
         if shot.fringe < 0:
             yield shot, (view.dark if shot.step else view.plain)(**camera, seed=drawn)
             continue
@@ -80,8 +78,7 @@ def photograph_into(
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
     for shot, frame in photograph(view, patterns, system, seed, response, **camera):
-        _, data = cv2.imencode(Path(shot.file).suffix, frame)
-        write_whole(folder / shot.file, data.tobytes())
+        write_photograph(folder / shot.file, frame)
     patterns.save(folder / NAME)
 
 
