@@ -6,6 +6,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "live": ["Live", "explore", "maps", "slider", "space"],
-        "figures": ["phasor", "plan"],
+        "figures": ["bench", "box", "phasor", "plan", "vernier"],
     },
 )

@@ -6,9 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtr
 
+from fpputil.decoding.geometric_constraint import minimum_phase
 from fpputil.decoding.phase import modulation, numerator_denominator, wrapped_phase
+from fpputil.decoding.unwrap import wrap
 from fpputil.interactive.live import Live, explore, slider
+from fpputil.optics.fringes import Fringe
+from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.system import System, preset
 
 HERE = Path(__file__).parent
@@ -17,19 +22,9 @@ HERE = Path(__file__).parent
 def plan(instead_of: str = "", z: float = 660.0, u: float = 320.0) -> Live:
     """Camera, projector and a wall from above; the point on the wall can be dragged. Chapter 2."""
     system = preset("paper").system
-    camera, projector = system.camera, system.projector
-    _, _, ahead = projector.centre
-    names = ("focal", "centre", "width")
-    data = {
-        "camera": dict(zip(names, (camera.K[0, 0], camera.K[0, 2], camera.width), strict=True)),
-        "projector": dict(
-            zip(names, (projector.K[0, 0], projector.K[0, 2], projector.width), strict=True)
-        ),
-        "ahead": round(float(ahead), 6),
-        "pitch": 57,
-        "dead": 0.1,
-        "red": [192, 57, 43] * 256,
-    }
+    data = {name: _line(pinhole) for name, pinhole in _pair(system)}
+    data |= {"ahead": round(float(system.projector.centre[2]), 6), "pitch": 57}
+    data |= {"dead": 0.1, "red": [192, 57, 43] * 256}
     settings = [(660, 320, 45, 5), (500, 100, 45, 5), (800, 500, 120, 10), (600, 320, -80, -8)]
     keys = ("z", "u", "baseline", "angle")
     checks = [(dict(zip(keys, s, strict=True)), _planned(system, *s)) for s in settings]
@@ -40,6 +35,15 @@ def plan(instead_of: str = "", z: float = 660.0, u: float = 320.0) -> Live:
         slider("angle", "projector turned", -20, 20, 5, 0.5, "°"),
     ]
     return explore(controls, _formula("plan"), data, checks, instead_of)
+
+
+def _pair(system: System) -> tuple[tuple[str, Pinhole], ...]:
+    return ("camera", system.camera), ("projector", system.projector)
+
+
+def _line(pinhole: Pinhole) -> dict:
+    """A pinhole as one row of pixels."""
+    return {"focal": pinhole.K[0, 0], "centre": pinhole.K[0, 2], "width": pinhole.width}
 
 
 def _planned(system: System, z, u, baseline, angle) -> dict:
@@ -82,6 +86,98 @@ def _sampled(N, phi, ambient, strength, gamma) -> dict:
     levels = np.clip(np.floor(255 * (light / 255) ** gamma + 0.5), 0, 255)
     M, D = numerator_denominator(levels)
     return {"phase found": wrapped_phase(M, D), "modulation": modulation(M, D, N)}
+
+
+LEVELS = ("256", "16", "4", "2")
+FINE = (76, 57, 38, 24, 15)  # pitches
+BOX = (912, 304, 152, 114, 76)
+
+
+def bench(instead_of: str = "") -> Live:
+    """A fringe under pitch, step, grey levels, gamma and focus, column by column. Chapter 1."""
+    keys = ("pitch", "n", "column", "gamma", "defocus", "levels")
+    settings = [(114, 0, 431, 1, 0, 256), (15, 2, 200, 2.2, 0, 256), (60, 3, 77, 1, 4, 256)]
+    settings += [(24, 5, 640, 1.8, 2, 16), (912, 7, 911, 1, 0, 2)]
+    checks = [(dict(zip(keys, s, strict=True)), _lit(*s)) for s in settings]
+    for values, _ in checks:
+        values["levels"] = str(values["levels"])
+    controls = [
+        slider("pitch", "pitch (columns)", 4, 912, 114),
+        slider("n", "step n", 0, 7, 0, play=500),
+        slider("column", "column i", 0, 911, 431),
+        slider("gamma", "gamma", 0.6, 2.4, 1, 0.05),
+        slider("defocus", "blur (columns)", 0, 10, 0, 0.5),
+        {
+            "name": "levels",
+            "label": "grey levels",
+            "value": "256",
+            "choices": ["256", "16", "4", "2"],
+        },
+    ]
+    return explore(controls, _formula("bench"), {"steps": 8, "width": 912}, checks, instead_of)
+
+
+def _lit(pitch, n, column, gamma, defocus, levels) -> dict:
+    """Numbers of `bench`, by the library."""
+    fringe = Fringe(pitch, 8, gamma=gamma, levels=levels, defocus=defocus)
+    light, Phi = fringe.intensity(column, n), np.asarray(fringe.phase(column))
+    return {"light": light, "phase in its period": wrap(Phi[None])[0], "absolute phase": Phi}
+
+
+def vernier(instead_of: str = "") -> Live:
+    """The order of a short pitch from a longer one, and how noise spoils it. Chapter 4."""
+    settings = [(0.02, 4, False), (0.05, 4, True), (0.1, 2, True), (0.2, 0, False)]
+    checks = [
+        ({"sigma": s, "fine": k, "middle": m}, {"wrong, by the normal law": 100 * _rate(s, k, m)})
+        for s, k, m in settings
+    ]
+    controls = [
+        slider("column", "true column", 0, 911, 431),
+        slider("sigma", "phase noise", 0.005, 0.3, 0.03, 0.005, "rad"),
+        slider("fine", "short pitch", 0, len(FINE) - 1, 4, names=[str(p) for p in FINE]),
+        {"name": "middle", "label": "pitch 114 between", "value": False},
+        slider("seed", "another draw", 0, 99, 0, play=400),
+    ]
+    data = {"width": 912, "middle": 114, "fine": list(FINE)}
+    return explore(controls, _formula("vernier"), data, checks, instead_of)
+
+
+def _rate(sigma, fine, middle) -> float:
+    """Share of wrong orders in `vernier` by the normal law: |ratio e_long - e_short| > pi."""
+    pitches = np.array([912, *([114] if middle else []), FINE[fine]])
+    spread = sigma * np.hypot(1, pitches[:-1] / pitches[1:])
+    return float((2 * ndtr(-np.pi / spread)).sum())
+
+
+def box(instead_of: str = "") -> Live:
+    """What geometry says of the order: the phases between two planes of a pixel. Chapter 5."""
+    system = preset("paper").system
+    side, _, ahead = system.projector.centre
+    data = {name: _line(pinhole) for name, pinhole in _pair(system)}
+    data |= {"side": round(float(side), 6), "ahead": round(float(ahead), 6)}
+    data |= {"angle": float(np.arcsin(system.projector.R[0, 2]).round(9)), "pitches": list(BOX)}
+    settings = [(480, 820, 320, 1, True), (480, 820, 100, 0, False), (400, 900, 200, 2, True)]
+    keys = ("near", "far", "u", "pitch", "centred")
+    checks = [(dict(zip(keys, s, strict=True)), _boxed(system, *s)) for s in settings]
+    controls = [
+        slider("near", "near plane", 300, 880, 480, 5, "mm"),
+        slider("far", "far plane", 300, 980, 820, 5, "mm"),
+        slider("z", "surface at", 300, 980, 650, 1, "mm"),
+        slider("u", "camera pixel u", 0, 600, 320),
+        slider("pitch", "pitch", 0, len(BOX) - 1, 1, names=[str(pitch) for pitch in BOX]),
+        slider("sigma", "phase noise", 0, 1, 0.1, 0.05, "rad"),
+        {"name": "centred", "label": "centred", "value": True},
+        slider("seed", "another draw", 0, 99, 0, play=400),
+    ]
+    return explore(controls, _formula("box"), data, checks, instead_of)
+
+
+def _boxed(system: System, near, far, u, pitch, centred) -> dict:
+    """Numbers of `box`, by the library."""
+    shown = replace(system, z_min=float(near), z_max=float(far))
+    lower = minimum_phase(shown, BOX[pitch], centred=centred, ambiguous=True)[240, u]
+    columns = [shown.columns_at(float(z))[240, u] for z in (near, far)]
+    return {"least phase": lower, "part of a period used": abs(np.diff(columns)[0]) / BOX[pitch]}
 
 
 def _formula(name: str) -> str:

@@ -108,7 +108,8 @@ def maps(
     label, instead_of : str
         Of that slider; as of `Live`.
     """
-    spec = {"kind": "maps", "size": list(np.shape(shown[0]["values"])[-2:]), "maps": []}
+    size, stacks = list(np.shape(shown[0]["values"])[-2:]), {}
+    spec = {"kind": "maps", "size": size, "maps": [], "checks": []}
     if frames:
         spec |= {"frames": list(frames), "frame_label": label}
     for m in shown:
@@ -119,6 +120,12 @@ def maps(
         entry["high"] = _short(m.get("high", np.nanmax(values)))
         entry |= {"colours": colours(m.get("cmap", "viridis")), "values": quantised(values)}
         spec["maps"].append(entry)
+        stacks[m["name"]] = values
+    seen = np.argwhere(np.isfinite(next(reversed(stacks.values()))[0].astype(float)))
+    for frame, (v, u) in zip((0, len(frames) // 2), seen[[len(seen) // 2, -1]], strict=True):
+        at = {k: float(a[min(frame, len(a) - 1), v, u]) for k, a in stacks.items()}
+        numbers = {k: _short(x) for k, x in at.items() if np.isfinite(x)}
+        spec["checks"].append([{"frame": frame, "v": int(v), "u": int(u)}, numbers])
     return Live(spec, instead_of)
 
 
@@ -197,11 +204,11 @@ def quantised(values: np.ndarray) -> dict:
     return pack(stored.astype("u2"), scale=step, offset=low, none=levels)
 
 
-def colours(name: str) -> dict:
-    """256 colours of a map of matplotlib, red, green and blue."""
+def colours(name) -> dict:
+    """256 colours of a map of matplotlib, by name or itself, red, green and blue."""
     import matplotlib
 
-    table = matplotlib.colormaps[name](np.linspace(0, 1, 256))[:, :3]
+    table = matplotlib.colormaps.get_cmap(name)(np.linspace(0, 1, 256))[:, :3]
     return pack(np.round(255 * table).astype("u1"))
 
 

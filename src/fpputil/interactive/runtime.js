@@ -276,6 +276,11 @@
           return html("span", { "data-number": m.name, "data-value": x }, `${m.name} `, html("b", {}, x === x ? `${show(x, 4)} ${m.unit || ""}` : "no value"));
         }));
     }
+    root.checks = spec.checks;
+    root.compute = ({ frame, v, u }) => {  // for the tests
+      values.frame = frame;
+      return { numbers: Object.fromEntries(spec.maps.map((m) => [m.name, [m.values.real(index(m, v, u)), m.unit, m.values.scale]])) };
+    };
     const point = (event) => {
       const canvas = event.target.closest(".fpp-map")?.querySelector("canvas");
       if (!canvas) return;
@@ -433,6 +438,7 @@
     try {
       const spec = await unpack(JSON.parse(root.querySelector("script[type='application/json']").textContent));
       await { explore, maps, space }[spec.kind](root, spec);
+      root.dataset.kind = spec.kind;
       root.dataset.on = "yes";
     } catch (error) {
       root.dataset.on = "no";  // the still picture stays
