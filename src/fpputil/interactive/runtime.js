@@ -419,7 +419,7 @@
   .fpp-control output { font-variant-numeric: tabular-nums; }
   .fpp-checks { display: flex; flex-wrap: wrap; } .fpp-checks .fpp-control { display: flex; }
   .fpp-plots { columns: 2 17rem; column-gap: .8rem; margin-top: .4rem; } .fpp-plot { break-inside: avoid; display: block; margin-bottom: .4rem; }
-  .fpp-maps { display: grid; gap: .5rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 11rem), 1fr)); touch-action: pan-y; }
+  .fpp-maps { display: grid; gap: .5rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 9rem), 1fr)); touch-action: pan-y; }
   .fpp-maps figure { margin: 0; text-align: center; }  .fpp-maps figcaption { margin: 0; }
   .fpp-map { position: relative; cursor: crosshair; line-height: 0; } .fpp-map canvas { width: 100%; image-rendering: pixelated; background: repeating-conic-gradient(#8883 0 25%, #8881 0 50%) 0 0/12px 12px; }
   .fpp-cross { position: absolute; width: 15px; height: 15px; margin: -8px 0 0 -8px; border: 2px solid #fff; outline: 1px solid #000; border-radius: 50%; pointer-events: none; }
