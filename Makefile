@@ -43,6 +43,7 @@ pages: install ## render the pages from the stored outputs, executing nothing
 	FPP_EXECUTE=off $(BIN)/jupyter-book build . -W -n --keep-going --path-output _build/stored
 
 lab: install ## open JupyterLab on the chapters
+	@$(BIN)/jupyter trust $(CHAPTERS) >/dev/null # figures to play with run at once
 	$(BIN)/jupyter lab --notebook-dir chapters
 
 results: install ## make the runs behind the tables that are missing (hours; resumable)
