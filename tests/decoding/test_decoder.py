@@ -87,6 +87,16 @@ def test_outside_the_mask_is_nan(sphere_view):
     np.testing.assert_array_equal(d.mask, d.modulation[-1] > 8)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+def test_the_threshold_itself_is_outside_the_mask(sphere_view, dtype):
+    fringes = fringe_set((912, 24), 4)
+    frames = sphere_view.frames(fringes).astype(dtype)
+    modulation = decode(frames, fringes, 912).modulation[-1]
+    threshold = modulation[60, 80]
+    mask = decode(frames, fringes, 912, threshold).mask
+    np.testing.assert_array_equal(mask, modulation > threshold)
+
+
 def test_horizontal_fringes(sphere_view):
     fringes = fringe_set((1140, 114, 15), 5, axis="row")
     d = decode(sphere_view.frames(fringes), fringes, 1140)
@@ -136,6 +146,7 @@ def test_guard_takes_the_borders_out_of_the_mask(dtype):
     guarded = decode(frames.astype(dtype), fringes, 912, sigma_phi=0.02)
     assert wrong(free).any() and not wrong(guarded).any()
     guard = unwrap.guard_columns(0.02, 912)
-    assert guarded.mask.mean() == pytest.approx(1 - 2 * guard / 912, abs=3e-3)
+    assert guarded.mask.mean() == pytest.approx(1 - 2 * guard / 912, abs=1e-3)
+    assert column[guarded.mask].mean() == pytest.approx(455.5, abs=0.05)  # as much at either border
     assert np.isnan(guarded.Phi[~guarded.mask]).all()
     assert np.isnan(guarded.wrapped[:, ~guarded.mask]).all()

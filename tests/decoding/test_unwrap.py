@@ -30,12 +30,22 @@ def test_multi_frequency(pitches, kind):
         np.testing.assert_allclose(np.asarray(Phi), 2 * np.pi * COLUMN / pitch, atol=1e-9)
 
 
-@pytest.mark.parametrize("pitches", [(14, 15, 16), (70, 75), (18, 19, 20), (14, 15, 16, 17.2)])
-def test_multi_wavelength(pitches):
-    for Phi, pitch in zip(
-        unwrap.mw_tpu(wrapped(COLUMN, *pitches), pitches, WIDTH), pitches, strict=True
-    ):
-        np.testing.assert_allclose(Phi, 2 * np.pi * COLUMN / pitch, atol=1e-7)
+@pytest.mark.parametrize(
+    "pitches, noise",
+    [
+        ((14, 15, 16), 0),
+        ((70, 75), 0),
+        ((18, 19, 20), 0),
+        ((14, 15, 16, 17.2), 0),
+        ((14, 14.508, 14.815), 0.015),  # from the longer beat, one order in 400 would be wrong
+    ],
+)
+def test_multi_wavelength(pitches, noise):
+    rng = np.random.default_rng(0)
+    phis = [p + rng.normal(0, noise, p.shape) for p in wrapped(COLUMN[100:-100], *pitches)]
+    for Phi, pitch in zip(unwrap.mw_tpu(phis, pitches, WIDTH), pitches, strict=True):
+        expected = 2 * np.pi * COLUMN[100:-100] / pitch
+        np.testing.assert_allclose(Phi, expected, atol=1e-7 + 6 * noise)
 
 
 @pytest.mark.parametrize("pitches", [(15, 64), (31, 30), (33, 32), (24, 50), (28, 45)])
@@ -90,6 +100,19 @@ def test_naive_unit_interval_costs_a_quarter_of_a_percent():
     assert wrong(np.mod(noisy[0], 2 * np.pi)).mean() == pytest.approx(0.0026, abs=3e-4)
     ours = wrong(unwrap.unit_phase(noisy[0], 912, 912))
     assert ours[inner].sum() == 0
+
+
+def test_an_order_is_wrong_once():
+    """Predicted from the law, against a million drawn phasors whose first order may be wrong, too.
+
+    Of three pitches, so that errors of both orders meet at one point: it counts once.
+    """
+    noise, B, steps, pitches = 20.0, 60.0, 15, (912, 152, 30)
+    rng = np.random.default_rng(0)
+    sigma = float(phase_sigma(noise, B, steps))
+    first, second, third = np.angle(1 + sigma * (rng.normal(size=(3, 1_000_000, 2)) @ (1, 1j)))
+    wrong = (np.abs(6 * first - second) > np.pi) | (np.abs(152 / 30 * second - third) > np.pi)
+    assert order_error_rate(noise, B, steps, pitches) == pytest.approx(wrong.mean(), abs=2e-3)
 
 
 @pytest.mark.slow
