@@ -105,10 +105,11 @@ def crossing(u, v, slope=0.0):
 
 @pytest.mark.parametrize("slope", [0, 0.01])
 @pytest.mark.parametrize("u, v", [(20, 20), (20.5, 19.5), (19.8, 20.3)])
-def test_shading_does_not_draw_a_corner_aside(u, v, slope):
+@pytest.mark.parametrize("radius, atol", [(3, 0.02), (8, 0.01)])
+def test_shading_does_not_draw_a_corner_aside(u, v, slope, radius, atol):
     edges = np.array([[(np.cos(a), np.sin(a)) for a in (0.2, 1.8)]])
-    found = refine(crossing(u, v, slope), np.array([(u + 1, v - 0.8)]), edges, 8)
-    np.testing.assert_allclose(found, [(u, v)], atol=0.01)
+    found = refine(crossing(u, v, slope), np.array([(u + 1, v - 0.8)]), edges, radius)
+    np.testing.assert_allclose(found, [(u, v)], atol=atol)
 
 
 def test_a_corner_at_the_border_is_left_out():

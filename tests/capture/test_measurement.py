@@ -51,6 +51,8 @@ def test_every_unwrapping_finds_the_columns(tmp_path, view, name):
     assert np.abs(off).max() < 0.5 * min(f.pitch for f in result.fringes)
     assert np.sqrt(np.mean(off**2)) < 0.25
     assert np.isnan(result.Phi[~result.mask]).all()
+    assert len(result.offsets) == len(result.sharpness) == len(result.fringes) - 1
+    assert np.abs(result.offsets).max() < 0.05 and result.sharpness.min() > 0.9
     assert (result.reason[~view.mask] != Reason.GOOD).all()
 
 

@@ -62,13 +62,14 @@ def test_an_earlier_result_is_filled_anew(sphere_view):
         decode(second.astype(float), fringes, 912, out=result)
 
 
+@pytest.mark.parametrize("dtype, atol", [(np.float32, 2e-4), (np.float64, 1e-9)])
 @pytest.mark.parametrize("shape", [(1, 1), (3, 683), (2, 1024), (1, 2049), (64, 65)])
-def test_every_block_size(shape):
+def test_every_block_size(shape, dtype, atol):
     fringes = fringe_set((912, 114, 15), 4)
     column = np.linspace(0, 911, shape[0] * shape[1]).reshape(shape)
     frames = np.concatenate([[f.intensity(column, n) for n in range(4)] for f in fringes])
-    Phi = decode(frames.astype(np.float32), fringes, 912).Phi
-    np.testing.assert_allclose(Phi, 2 * np.pi * column / 15, atol=2e-4)
+    Phi = decode(frames.astype(dtype), fringes, 912).Phi
+    np.testing.assert_allclose(Phi, 2 * np.pi * column / 15, atol=atol)
 
 
 def test_atan2_of_the_kernel_all_round():

@@ -151,6 +151,8 @@ def test_ply_round_trip(tmp_path, tiny, sphere_view):
     back = trimesh.load(tmp_path / "cloud.ply")
     np.testing.assert_allclose(back.vertices, cloud, atol=1e-4)
     assert (back.colors[:, :3] == (10, 20, 30)).all()
+    pointcloud.save_ply(tmp_path / "cloud.ply", cloud[:1])
+    np.testing.assert_allclose(trimesh.load(tmp_path / "cloud.ply").vertices, cloud[:1], atol=1e-4)
     mesh = pointcloud.surface(points, max_edge=20)
     pointcloud.save_ply(tmp_path / "mesh.ply", mesh)
     assert len(trimesh.load(tmp_path / "mesh.ply").faces) == len(mesh.faces)
