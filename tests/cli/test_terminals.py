@@ -58,6 +58,17 @@ def test_a_terminal_that_is_gone(redirection, code, said, unbuffered, room):
         assert b"points in" in run.stdout
 
 
+def test_decoding_loads_what_it_needs(room):
+    """Neither what draws nor what writes points, if nothing is drawn and there are no points."""
+    code = (
+        "import sys; from fpputil.cli import main\n"
+        "main(['decode', 'shots', '--out', 'lean', '--no-report', '--no-pictures'])\n"
+        "print({'matplotlib', 'trimesh', 'embreex', 'numba', 'torch'} & set(sys.modules))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=room, capture_output=True, check=True)
+    assert run.stdout.endswith(b"set()\n"), run.stdout
+
+
 @pytest.mark.parametrize("name", ["снимки", LATIN_1])
 @pytest.mark.parametrize(
     "locale",

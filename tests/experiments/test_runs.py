@@ -12,6 +12,7 @@ import pytest
 import torch
 from filelock import FileLock
 
+import fpputil.experiments
 from fpputil.cli import main
 from fpputil.dataset.store import open_store
 from fpputil.experiments import assessment, tables
@@ -209,7 +210,7 @@ def test_a_run_under_way_elsewhere_is_left_to_others(found, small_set, capsys, m
             lock.release()
         return real(name, *args, **how)
 
-    monkeypatch.setattr(results, "make_run", run)
+    monkeypatch.setattr(fpputil.experiments, "make_run", run)  # where the command looks
     places = ("--data", small_set, "--work", found / "work", "--results", found)
     assert main(["results", "run", "sido", "psnet", *map(str, places)]) == 0
     said = capsys.readouterr().out.splitlines()

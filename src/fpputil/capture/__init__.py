@@ -12,7 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "measurement": ["Measurement", "measure"],
         "quality": ["Noise", "Reason", "noise_of"],
         "diagnosis": ["FINDINGS", "Finding", "diagnose"],
-        "report": ["overview", "report_numbers"],
+        "report": ["overview"],
         "folder": ["DecodedFolder", "board_pose", "decode_folder"],
     },
 )

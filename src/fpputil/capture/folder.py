@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import tifffile
-import trimesh
 from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
@@ -18,7 +17,6 @@ from fpputil.capture.diagnosis import Finding, diagnose
 from fpputil.capture.measurement import Measurement, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
-from fpputil.capture.report import page, report_numbers
 from fpputil.decoding.triangulation import depth_of
 from fpputil.files import folder_whole
 from fpputil.optics.system import System
@@ -115,7 +113,7 @@ def decode_folder(
         summary = {
             "decoded": decoded,
             "findings": [f._asdict() for f in findings],
-            "numbers": {one.axis: report_numbers(one) for one in measurements},
+            "numbers": {one.axis: one.numbers() for one in measurements},
         }
         if decoded:
             arrays = {k: v for one in measurements for k, v in one.arrays().items()}
@@ -135,6 +133,8 @@ def decode_folder(
                     values = values.astype(np.uint8) * (255 if values.dtype == bool else 1)
                 tifffile.imwrite(partial / f"{key}.tif", values, photometric="minisblack")
         if report:
+            from fpputil.capture.report import page  # draws
+
             name = os.fsencode(folder.name).decode(errors="backslashreplace")  # in any locale
             html = page(f"Decoding of {name}", measurements, findings, depth)
             (partial / "report.html").write_text(html, encoding="utf-8")
@@ -180,6 +180,8 @@ def board_pose(
 
 def _save_points(path: Path, points, colours, sigma) -> int:
     """Write the finite points as PLY, each with the `sigma` of its depth, mm; returns how many."""
+    import trimesh
+
     keep = np.isfinite(points).all(axis=-1) & np.isfinite(sigma)
     if not keep.any():
         raise ValueError("no point inside the measuring range; is the system the capture's own?")

@@ -111,6 +111,23 @@ class Measurement:
         named |= {"modulation": self.modulation, "mask": self.mask, "reason": self.reason}
         return {f"{self.axis}_{name}": value for name, value in named.items()}
 
+    def numbers(self) -> dict[str, str]:
+        """What a report says in numbers, as text by name."""
+        mask, lit = self.mask, max(int(self.lit.sum()), 1)
+        lost = {r.said: (self.reason == r).sum() / lit for r in Reason if r > Reason.DARK}
+        typical = (lambda a: float(np.median(a[mask]))) if mask.any() else (lambda a: float("nan"))
+        bright = typical(self.modulation[self.finest])
+        noise = typical(np.sqrt(self.noise.variance(self.average)))
+        return {
+            "pixels in the mask": f"{mask.mean():.1%}, {mask.sum() / lit:.1%} of the lit ones",
+            "pitches, steps": ", ".join(f"{f.pitch:g} x {f.steps}" for f in self.fringes),
+            "modulation of the finest pitch, median": f"{bright:.1f}",
+            "noise, grey levels": f"{noise:.2f}" + ("" if self.noise.known else " (assumed)"),
+            "gamma": f"{self.gamma:.3f}",
+            "uncertainty of the phase, median": f"{typical(self.sigma):.4f} rad",
+            **{f"of the lit pixels {name}": f"{share:.2%}" for name, share in lost.items()},
+        }
+
 
 def measure(
     capture: Capture,

@@ -46,6 +46,11 @@ class Reason(IntEnum):
     UNSURE = 5
     OUTSIDE = 6
 
+    @property
+    def said(self) -> str:
+        """In a report."""
+        return {3: "no sinusoid", 5: "order unsure"}.get(self, self.name.lower())
+
 
 class Fit(NamedTuple):
     """The sinusoid through the photographs of a fringe, at each pixel; all (H, W) float32 arrays.

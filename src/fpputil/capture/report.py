@@ -19,16 +19,10 @@ from fpputil.capture.quality import Reason
 from fpputil.decoding.phase import THRESHOLD
 
 PIXELS = 480  # of the longer side of a picture on the page
-REASONS = {
-    Reason.GOOD: ("good", "#dfe6e9"),
-    Reason.DARK: ("dark", "#2d3436"),
-    Reason.SATURATED: ("saturated", "#e17055"),
-    Reason.SCATTERED: ("no sinusoid", "#6c5ce7"),
-    Reason.UNSTEADY: ("unsteady", "#fdcb6e"),
-    Reason.UNSURE: ("order unsure", "#d63031"),
-    Reason.OUTSIDE: ("outside", "#00b894"),
-}
-SUSPECTS = ListedColormap([colour for _, colour in REASONS.values()])
+SUSPECTS = ListedColormap(
+    ["#dfe6e9", "#2d3436", "#e17055", "#6c5ce7", "#fdcb6e", "#d63031", "#00b894"]
+)
+"""Of each `Reason` the colour."""
 
 
 def page(
@@ -47,27 +41,9 @@ def page(
     templates = Environment(
         loader=PackageLoader("fpputil", "capture"), autoescape=True, trim_blocks=True
     )
-    numbers = {one.axis: report_numbers(one) for one in measurements}
+    numbers = {one.axis: one.numbers() for one in measurements}
     template = templates.get_template("report.html")
     return template.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
-
-
-def report_numbers(measurement: Measurement) -> dict[str, str]:
-    """What the page says in numbers, as text by name. Chapter 12."""
-    m, mask = measurement, measurement.mask
-    lit = max(int(m.lit.sum()), 1)
-    shares = {REASONS[r][0]: (m.reason == r).sum() / lit for r in Reason if r > Reason.DARK}
-    typical = (lambda a: float(np.median(a[mask]))) if mask.any() else (lambda a: float("nan"))
-    noise = typical(np.sqrt(m.noise.variance(m.average)))
-    return {
-        "pixels in the mask": f"{mask.mean():.1%}, {mask.sum() / lit:.1%} of the lit ones",
-        "pitches, steps": ", ".join(f"{f.pitch:g} x {f.steps}" for f in m.fringes),
-        "modulation of the finest pitch, median": f"{typical(m.modulation[m.finest]):.1f}",
-        "noise, grey levels": f"{noise:.2f}" + ("" if m.noise.known else " (assumed)"),
-        "gamma": f"{m.gamma:.3f}",
-        "uncertainty of the phase, median": f"{typical(m.sigma):.4f} rad",
-        **{f"of the lit pixels {name}": f"{share:.2%}" for name, share in shares.items()},
-    }
 
 
 def overview(measurement: Measurement, depth=None) -> Figure:
@@ -90,7 +66,7 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     plotting.quantity(axes[5], m.sigma[few], "uncertainty", "rad", 0, high)
     image = axes[6].imshow(m.reason[few], cmap=SUSPECTS, norm=BoundaryNorm(np.arange(8) - 0.5, 7))
     bar = fig.colorbar(image, ax=axes[6], ticks=range(7), fraction=0.046, pad=0.03)
-    bar.ax.set_yticklabels([name for name, _ in REASONS.values()], fontsize=7)
+    bar.ax.set_yticklabels([reason.said for reason in Reason], fontsize=7)
     axes[6].set(xticks=[], yticks=[], title="why a pixel is left out")
     axes[6].grid(False)
     labels = {"xlabel": "modulation, grey levels", "title": "modulation", "yscale": "log"}
