@@ -62,6 +62,12 @@ def test_drawn_boards_are_tilted_every_way(drawn):
     assert (tilts > 25).all() and (tilts < 40).all() and np.ptp(tilts) > 10
     ways = np.sort(np.arctan2(normals[:, 1], normals[:, 0]))
     assert np.diff(ways).max() < np.radians(31)
+    axes = np.cross((0, 0, 1), normals)
+    axes *= (np.radians(tilts) / np.linalg.norm(axes, axis=1))[:, None]
+    rolls = Rotation.from_rotvec(-axes) * Rotation.from_matrix([R for R, _ in drawn])
+    about = np.degrees(rolls.as_rotvec())
+    np.testing.assert_allclose(about[:, :2], 0, atol=1e-9)
+    assert about[:, 2].min() < -5 and about[:, 2].max() > 5 and np.abs(about[:, 2]).max() < 20
 
 
 @pytest.mark.parametrize("seed", [0, 1])
