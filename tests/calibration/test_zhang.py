@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.board import Board
@@ -175,16 +176,22 @@ def test_almost_parallel_boards_are_warned_of(small, photograph, tilt):
     places = np.linspace((-30, 20, 560), (30, -20, 700), 8)
     shots = [photograph(BOARD, small, R, t) for R, t in zip(turns.as_matrix(), places, strict=True)]
     found = calibrated(shots)
-    assert any("normals vary by 4.5" in w for w in found.warnings) == (tilt < 5)
+    told = [w for w in found.warnings if "normals vary" in w]
+    assert len(told) == (tilt < 5) and all("by 4.5 degrees" in w for w in told)
 
 
-def test_few_poses_that_cover_little_are_warned_of(small, photograph):
-    board = Board(6, 4, 14.0)
+@pytest.mark.parametrize("square", [14.0, 37.0, 43.0])
+def test_few_poses_that_cover_little_are_warned_of(small, photograph, square):
+    board = Board(6, 4, square)
     turns = Rotation.from_euler("xyz", [(30, 0, 0), (-20, 25, 0), (0, -30, 5)], degrees=True)
-    shots = [photograph(board, small, R, np.array([0, 0, 560.0])) for R in turns.as_matrix()]
+    t, centred = np.array([0, 0, 560.0]), board.points - board.points.mean(axis=0)
+    shots = [photograph(board, small, R, t, str(k)) for k, R in enumerate(turns.as_matrix())]
     found = calibrate(board, shots, PROJECTOR, *RANGE, lens=0, projector_lens=0)
     assert any("3 poses were used" in w for w in found.warnings)
-    assert any("% of the picture" in w for w in found.warnings)
+    points = np.concatenate([small.camera.project(centred @ R.T + t) for R in turns.as_matrix()])
+    cover = ConvexHull(points).volume / (320 * 240)
+    told = [w for w in found.warnings if "% of the picture" in w]
+    assert len(told) == (cover < 0.3) and all(f"cover {100 * cover:.0f} %" in w for w in told)
 
 
 def test_more_of_the_lens_may_be_free(poses):
