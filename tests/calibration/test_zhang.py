@@ -194,6 +194,14 @@ def test_few_poses_that_cover_little_are_warned_of(small, photograph, square):
     assert len(told) == (cover < 0.3) and all(f"cover {100 * cover:.0f} %" in w for w in told)
 
 
+@pytest.mark.parametrize("factor", [0.4, 2.0])
+def test_a_wrong_square_is_doubted(poses, factor):
+    """It moves every board as many times nearer or farther, and out of the range."""
+    board = replace(BOARD, square=factor * BOARD.square)
+    found = calibrate(board, poses, PROJECTOR, *RANGE, lens=0, projector_lens=0)
+    assert any("is the size of the board right?" in w for w in found.warnings)
+
+
 def test_more_of_the_lens_may_be_free(poses):
     found = calibrated(poses, lens=5, projector_lens=1)
     assert found.sigma["camera k3"] > 0 == found.sigma["projector k2"]
