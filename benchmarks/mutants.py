@@ -20,7 +20,6 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,9 +38,9 @@ USERS = {  # packages whose tests are run, a package's own first
 }
 # Left out: operators that need arguments, and those after which numbers raise at once.
 SHARP = re.compile(
-    r"BinaryOperator_((?!Bit)\w+_(Add|Sub|Mul|Div)|BitAnd_BitOr|BitOr_BitAnd)$|UnaryOperator_(Delete|USub_UAdd)"
-    r"|ComparisonOperator(?!\w*_Is)|AddNot|ReplaceTrue|ReplaceFalse|ReplaceAnd|ReplaceOr"
-    r"|Break|NumberReplacer|ZeroIteration"
+    r"BinaryOperator_((?!Bit)\w+_(Add|Sub|Mul|Div)|BitAnd_BitOr|BitOr_BitAnd)$"
+    r"|UnaryOperator_(Delete|USub_UAdd)|ComparisonOperator(?!\w*_Is)|AddNot"
+    r"|Replace(True|False|And|Or)|Break|NumberReplacer|ZeroIteration"
 )
 OPERATORS = [get_operator(name)() for name in operator_names() if SHARP.search(name)]
 COPY = shutil.ignore_patterns(".*", "_build", "__pycache__", "sets", "runs", "chapters")
@@ -110,9 +109,11 @@ def passes(python: str, tree: Path, tests: list[str], limit: float | None = None
     try:
         return run.wait(limit) == 0
     except subprocess.TimeoutExpired:
-        os.killpg(run.pid, signal.SIGKILL)
-        run.wait()
         return False
+    finally:
+        if run.poll() is None:
+            os.killpg(run.pid, signal.SIGKILL)
+            run.wait()
 
 
 def killed(python: str, tree: Path, path: Path, mutant: str, limits: dict[tuple, float]) -> bool:
@@ -124,9 +125,10 @@ def killed(python: str, tree: Path, path: Path, mutant: str, limits: dict[tuple,
             if not passes(python, tree, tests):
                 raise SystemExit(f"the tests {tests} fail without any mutant; mend them first")
             limits[key] = 60 + 4 * (time.monotonic() - start)
+        whole = (tree / path).read_bytes()
         (tree / path).write_text(mutant, encoding="utf-8")
         dead = not passes(python, tree, tests, limits[key])
-        shutil.copy2(ROOT / path, tree / path)
+        (tree / path).write_bytes(whole)
         if dead:
             return True
     return False
@@ -144,7 +146,7 @@ def main() -> None:
     equivalent = json.loads((HERE / "equivalent.json").read_text(encoding="utf-8"))
     verdicts = json.loads(options.verdicts.read_text()) if options.verdicts.exists() else {}
     options.verdicts.parent.mkdir(exist_ok=True)
-    limits, count = {}, Counter()
+    limits, names = {}, {"killed": [], "survived": [], "equivalent": []}
     with tempfile.TemporaryDirectory(prefix="mutants-") as room:
         tree = shutil.copytree(ROOT, Path(room, "tree"), ignore=COPY)
         for path, changed, mutant in drawn(options.number, options.seed):
@@ -157,10 +159,11 @@ def main() -> None:
                     dead = killed(options.python, tree, path, mutant, limits)
                     verdict = verdicts[name] = "killed" if dead else "survived"
                     options.verdicts.write_text(json.dumps(verdicts, indent=1), encoding="utf-8")
-            count[verdict] += 1
+            names[verdict].append(name)
             print(f"{verdict:10} {name}", flush=True)
-    able = count["killed"] + count["survived"]
-    print(f"\n{count['killed']} of {able} mutants killed; {count['equivalent']} are equivalent")
+    able = len(names["killed"] + names["survived"])
+    print(f"\n{len(names['killed'])} of {able} killed, {len(names['equivalent'])} equivalent")
+    print("\n".join(["Survivors:", *names["survived"]] if names["survived"] else []))
 
 
 if __name__ == "__main__":
