@@ -94,6 +94,7 @@ ARROWS = {  # each package imports from those below it alone
     "plotting": ("optics", "probe"),
     "decoding": ("checks", "files", "optics"),
     "calibration": ("checks", "optics"),
+    "interactive": ("decoding", "optics"),
     "capture": (*("calibration", "checks", "decoding", "files", "notebook", "optics", "plotting"),),
     "dataset": ("capture", "checks", "decoding", "files", "optics"),
     "networks": ("checks", "decoding", "optics"),
@@ -111,6 +112,7 @@ WITHOUT_TORCH = (
     "decoding",
     "calibration",
     "capture",
+    "interactive",
 )
 
 
@@ -136,7 +138,7 @@ def test_arrows_go_one_way(package):
 
 
 FACES = (
-    *("optics", "decoding", "calibration", "capture"),
+    *("optics", "decoding", "calibration", "capture", "interactive"),
     *("dataset", "networks", "learning", "experiments"),
 )
 

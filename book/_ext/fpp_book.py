@@ -3,6 +3,7 @@
 - Fresh: chapters run again when the notebook, ``src``, ``data`` or the lock changed.
 - Honest: ``{time}`run` `` is the time measured by the last build that executed the page.
 - Faces first: ``{face} fpputil.optics`` lists what a package offers.
+- To play with: pages that have a figure of `fpputil.interactive` load its script once.
 - Offline: a rendered page that would load anything from a network is a warning.
 """
 
@@ -20,6 +21,8 @@ from docutils.statemachine import StringList
 from myst_nb.sphinx_ import NbMetadataCollector
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective, SphinxRole
+
+from fpputil.interactive import live
 
 LOGGER = logging.getLogger(__name__)
 RUNTIMES = "_build/runtimes.json"  # of the last build here; before there is one:
@@ -187,6 +190,22 @@ def first_sentence(thing) -> str:
     return line.replace("|", "\\|")
 
 
+# --- to play with --------------------------------------------------------------------------
+
+RUNTIME = re.compile(r"<script data-fpp-runtime>.*?</script>\n?", re.DOTALL)
+
+
+def offer_runtime(app):
+    app.config.html_static_path.append(str(live.RUNTIME))
+
+
+def share_runtime(app, pagename, templatename, context, doctree):
+    # Each stored output has a copy, for JupyterLab; a page needs one, of today.
+    if "fpp-live" in (context.get("body") or ""):
+        context["body"] = RUNTIME.sub("", context["body"])
+        app.add_js_file(live.RUNTIME.name, loading_method="defer")
+
+
 # --- offline -------------------------------------------------------------------------------
 
 REMOTE = re.compile(r"(https?:)?//", re.IGNORECASE)
@@ -261,6 +280,8 @@ def setup(app):
     app.connect("config-inited", set_execution)
     app.connect("env-updated", record_runtimes)
     app.connect("doctree-resolved", fill_in_times)
+    app.connect("builder-inited", offer_runtime)
+    app.connect("html-page-context", share_runtime)
     app.connect("html-page-context", drop_thebe, priority=900)
     app.connect("build-finished", drop_font_preloads)
     app.connect("build-finished", check_offline, priority=900)

@@ -110,3 +110,82 @@ def test_the_test_sees_faults(browser, tmp_path):
     found = "\n".join(faults(browser, page))
     for fault in ("broken image", "no alt text", "asks for", "raw TeX", "console: wrong"):
         assert fault in found
+
+
+# --- figures to play with ---
+
+MOVED = """root => {
+  const wrong = [], picture = () => root.querySelector('.fpp-plots').innerHTML;
+  for (const [settings, numbers] of root.checks) {
+    const found = root.compute(settings).numbers;
+    for (const [name, x] of Object.entries(numbers))
+      if (!(Math.abs(found[name][0] - x) <= 1e-6 * Math.max(1, Math.abs(x))))
+        wrong.push(`${name} ${found[name][0]}, ${x} in Python, at ${JSON.stringify(settings)}`);
+  }
+  if (!root.checks.length) wrong.push('no check against Python');
+  return (async () => {
+    for (const slider of root.querySelectorAll('input[type=range]')) {
+      const before = slider.value, seen = new Set();
+      for (const value of [slider.min, before, slider.max]) {
+        slider.value = value;
+        slider.dispatchEvent(new Event('input', {bubbles: true}));
+        await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+        seen.add(picture());
+        if (/NaN|undefined|Infinity/.test(picture())) wrong.push(`${slider.name} ${value}: NaN`);
+      }
+      if (seen.size < 2) wrong.push(`${slider.name} changes nothing`);
+      slider.value = before;
+      slider.dispatchEvent(new Event('input', {bubbles: true}));
+    }
+    return wrong;
+  })();
+}"""
+
+
+def played(page, root) -> list[str]:
+    """What is wrong with one figure that a reader plays with."""
+    root.scroll_into_view_if_needed()
+    page.wait_for_function("e => e.dataset.on && !/ing$/.test(e.dataset.on)", arg=root)
+    if root.get_attribute("data-on") != "yes":
+        return ["does not start"]
+    wrong = page.evaluate(MOVED, root)
+    slider = root.query_selector("input[type=range]")
+    slider.focus()
+    before = slider.input_value()
+    page.keyboard.press("ArrowLeft")
+    if slider.input_value() == before:
+        wrong.append("the arrow keys do not move its slider")
+    for k in range(len(root.query_selector_all(".fpp-handle"))):
+        handle = root.query_selector_all(".fpp-handle")[k]
+        handle.scroll_into_view_if_needed()
+        values = "e => [...e.querySelectorAll('input')].map(i => i.value)"
+        box = handle.bounding_box()
+        before, (x, y) = root.evaluate(values), (box["x"] + box["width"] / 2, box["y"] + 16)
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 25, y + 25, steps=4)
+        page.mouse.up()
+        if root.evaluate(values) == before:
+            wrong.append(f"handle {k} cannot be dragged")
+    return wrong
+
+
+@pytest.mark.parametrize("width, scheme", [(1400, "light"), (400, "dark")])
+def test_every_figure_to_play_with(width, scheme, pages, browser):
+    wrong, number = {}, 0
+    for path in pages:
+        if 'class="fpp-live"' not in path.read_text(encoding="utf-8"):
+            continue
+        page = browser.new_page(
+            viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
+        )
+        page.on("pageerror", lambda error, path=path: wrong.setdefault(path.stem, [str(error)]))
+        page.goto(path.as_uri())
+        for root in page.query_selector_all(".fpp-live"):
+            number += 1
+            if found := played(page, root):
+                wrong.setdefault(path.stem, []).extend(found)
+        if page.evaluate("document.documentElement.scrollWidth > innerWidth"):
+            wrong.setdefault(path.stem, []).append("wider than the window")
+        page.close()
+    assert not wrong and number >= 2
