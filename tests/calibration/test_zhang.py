@@ -212,9 +212,16 @@ def test_a_wrong_square_is_doubted(poses, factor):
     assert any("is the size of the board right?" in w for w in found.warnings)
 
 
-def test_more_of_the_lens_may_be_free(poses):
-    found = calibrated(poses, lens=5, projector_lens=1)
-    assert found.sigma["camera k3"] > 0 == found.sigma["projector k2"]
+@pytest.mark.parametrize("free", [{}, {"lens": 5, "projector_lens": 1}])
+def test_as_much_of_the_lens_is_free_as_said(poses, free):
+    """By default k1, k2, p1 and p2 of both."""
+    found = calibrate(BOARD, poses, PROJECTOR, *RANGE, **free)
+    for who, number in (
+        ("camera", free.get("lens", 4)),
+        ("projector", free.get("projector_lens", 4)),
+    ):
+        sigma = [found.sigma[f"{who} {name}"] for name in ("k1", "k2", "p1", "p2", "k3")]
+        assert np.count_nonzero(sigma) == number and all(sigma[:number])
 
 
 def test_poses_of_two_sizes_or_one_name_are_refused(poses):
