@@ -17,7 +17,7 @@ CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
 HOME_IS := $(shell "$(PYTHON)" -c 'import sys; print(sys.version_info[:3])' 2>/dev/null) $(CURDIR)
 STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo '$(BLENDER) $(TORCH) $(HOME_IS)'; } | cksum | cut -d' ' -f1)
 
-.PHONY: help book test pages lab results bench lint format lock clean install
+.PHONY: help book test pages lab results bench mutants lint format lock clean install
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.11] [BLENDER=0] [ALL=1] [TORCH=wheel-or-requirement]"
@@ -59,6 +59,15 @@ bench: install .venv-peer ## compare speeds, side by side with a peer package
 .venv-peer: # `fringes` needs another OpenCV than ours
 	"$(PYTHON)" -m venv $@.part
 	$@.part/bin/python -m pip install -q fringes==2.1.0
+	mv $@.part $@
+
+MUTANTS ?= --number 100 --seed 0
+mutants: install .venv-mutants ## make single faults and count those that the fast tests notice (an hour; resumable)
+	.venv-mutants/bin/python benchmarks/mutants.py $(MUTANTS)
+
+.venv-mutants: # `cosmic-ray` makes the faults; it needs a web framework and a database besides
+	"$(PYTHON)" -m venv $@.part
+	$@.part/bin/python -m pip install -q cosmic-ray==8.7.0
 	mv $@.part $@
 
 lint: install ## check style and format

@@ -15,13 +15,15 @@ TILTED = Rotation.from_euler("xyz", (25, -28, 12), degrees=True).as_matrix()
 def posed(paper, photograph):
     """Each board tilted, its photograph and its points' true pixels."""
 
-    def shoot(kind, R=TILTED):
-        board, t = Board(8, 5, 25.0, kind), np.array([15.0, -8.0, 640.0])
+    def shoot(kind, R=TILTED, square=25.0):
+        board, t = Board(8, 5, square, kind), np.array([15.0, -8.0, 640.0])
         pose = photograph(board, paper.system, R, t)
         points = (board.points - board.points.mean(axis=0)) @ R.T + t
         return board, pose.plain, paper.system.camera.project(points)
 
-    return {kind: shoot(kind) for kind in KINDS}
+    shots = {kind: shoot(kind) for kind in KINDS}
+    R = Rotation.from_euler("xyz", (10, -8, 12), degrees=True).as_matrix()
+    return shots | {"small": shoot("chessboard", R, 4.0)}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -33,6 +35,14 @@ def test_points_are_found_to_a_fiftieth_of_a_pixel(posed, kind):
     off = pixels - (truth[::-1] if turned else truth)[which]
     assert not (turned and kind == "charuco")
     assert np.sqrt(np.mean(off**2)) < 0.02 and np.abs(off.mean(axis=0)).max() < 0.01
+
+
+def test_most_corners_of_squares_of_six_pixels_are_found(posed):
+    board, photo, truth = posed["small"]
+    which, pixels = board.find(photo)
+    assert 6 < spacing(truth) < 7 and len(which) > 25
+    off = min((pixels - order[which] for order in (truth, truth[::-1])), key=np.ptp)
+    assert np.sqrt(np.mean(off**2)) < 0.02
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -105,10 +115,11 @@ def crossing(u, v, slope=0.0):
 
 @pytest.mark.parametrize("slope", [0, 0.01])
 @pytest.mark.parametrize("u, v", [(20, 20), (20.5, 19.5), (19.8, 20.3)])
-def test_shading_does_not_draw_a_corner_aside(u, v, slope):
+@pytest.mark.parametrize("radius, atol", [(3, 0.02), (8, 0.01)])
+def test_shading_does_not_draw_a_corner_aside(u, v, slope, radius, atol):
     edges = np.array([[(np.cos(a), np.sin(a)) for a in (0.2, 1.8)]])
-    found = refine(crossing(u, v, slope), np.array([(u + 1, v - 0.8)]), edges, 8)
-    np.testing.assert_allclose(found, [(u, v)], atol=0.01)
+    found = refine(crossing(u, v, slope), np.array([(u + 1, v - 0.8)]), edges, radius)
+    np.testing.assert_allclose(found, [(u, v)], atol=atol)
 
 
 def test_a_corner_at_the_border_is_left_out():

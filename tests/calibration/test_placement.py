@@ -1,5 +1,6 @@
 """Targets and their poses against plain geometry."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -61,12 +62,25 @@ def test_drawn_boards_are_tilted_every_way(drawn):
     assert (tilts > 25).all() and (tilts < 40).all() and np.ptp(tilts) > 10
     ways = np.sort(np.arctan2(normals[:, 1], normals[:, 0]))
     assert np.diff(ways).max() < np.radians(31)
+    axes = np.cross((0, 0, 1), normals)
+    axes *= (np.radians(tilts) / np.linalg.norm(axes, axis=1))[:, None]
+    rolls = Rotation.from_rotvec(-axes) * Rotation.from_matrix([R for R, _ in drawn])
+    about = np.degrees(rolls.as_rotvec())
+    np.testing.assert_allclose(about[:, :2], 0, atol=1e-9)
+    assert about[:, 2].min() < -5 and about[:, 2].max() > 5 and np.abs(about[:, 2]).max() < 20
 
 
-def test_drawn_boards_fill_the_picture(tiny, drawn):
-    corners = np.array([(x, y, 0) for x in (-150, 150) for y in (-112.5, 112.5)])
-    pixels = np.concatenate([tiny.system.camera.project(corners @ R.T + t) for R, t in drawn])
-    assert (np.ptp(pixels, axis=0) > 0.9 * np.array([160, 120])).all()
+@pytest.mark.parametrize("seed", [0, 1])
+def test_small_boards_go_where_none_was(tiny, seed):
+    """By chance they cover 0.45 of the camera's picture and 0.31 of the projector's."""
+    corners = np.array([(-60, -45, 0), (60, -45, 0), (60, 45, 0), (-60, 45, 0)])
+    poses = place_boards(12, seed, tiny.system, (120, 90))
+    for pinhole, least in ((tiny.system.camera, 0.7), (tiny.system.projector, 0.53)):
+        picture = np.zeros((pinhole.height, pinhole.width), np.uint8)
+        for R, t in poses:
+            outline = pinhole.project(corners @ R.T + t)
+            cv2.fillConvexPoly(picture, np.rint(outline).astype(np.int32), 1)
+        assert picture.mean() > least
 
 
 def test_a_seed_repeats_its_poses(tiny, drawn):

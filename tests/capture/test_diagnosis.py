@@ -176,6 +176,18 @@ def test_steps_that_do_not_belong_are_found():
     assert sorted(misfits(bad)) == [2, 7]
 
 
+def test_an_exchange_is_told_from_three_grey_levels_on():
+    """Of what a sinusoid leaves: the median over the steps of the RMS by the median of pixels."""
+    phi, delta = np.linspace(-3, 3, 300), 2 * np.pi * np.arange(12)[:, None] / 12
+    frames = np.cos(phi + delta)
+    frames[[4, 9]] = frames[[9, 4]]
+    terms = np.hstack([np.ones_like(delta), np.cos(delta), np.sin(delta)])
+    left = np.abs(frames - terms @ np.linalg.lstsq(terms, frames, rcond=None)[0])
+    unit = np.median(np.median(left, axis=1))
+    assert exchanged(120 + frames * 2.9 / unit) is None
+    assert exchanged(120 + frames * 3.1 / unit) == (4, 9)
+
+
 def test_every_finding_says_what_to_do():
     assert set(SEVERE) < set(FINDINGS)
     for message, remedy in FINDINGS.values():

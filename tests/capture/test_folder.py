@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fpputil.capture.folder import board_pose, decode_folder
-from fpputil.capture.measurement import measure
+from fpputil.capture.measurement import Measurement, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.virtual import photograph_into
@@ -34,6 +34,17 @@ def test_results_are_those_of_measure_and_lie_beside_the_folder(shots, tiny):
         assert np.isfinite(file["depth_sigma"]).sum() == result.summary["points"]
     page = (result.out / "report.html").read_text()
     assert "<h1>Decoding of a &lt;b&gt; &amp; c</h1>" in page and "<b> &" not in page
+
+
+def test_points_of_no_known_uncertainty_are_left_out(shots, tiny, monkeypatch):
+    sigma = Measurement.depth_sigma
+
+    def holed(self, depth, system):
+        return np.where(np.arange(160) < 80, np.inf, sigma(self, depth, system))
+
+    monkeypatch.setattr(Measurement, "depth_sigma", holed)
+    result = decode_folder(shots, system=tiny.system, report=False, pictures=False)
+    assert result.summary["points"] == np.isfinite(result.points[:, 80:, 2]).sum()
 
 
 def test_the_folder_one_is_in_is_decoded_beside_itself(shots, monkeypatch):

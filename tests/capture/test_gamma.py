@@ -22,6 +22,7 @@ def test_gamma_is_found_and_takes_the_harmonics_away(gamma, steps):
     result = estimate_gamma(frames)
     assert result == pytest.approx(gamma, rel=0.02 if steps > 5 else 0.15)
     assert abs(harmonic_ratio(linearise(frames, result), 2)) < 1e-4
+    assert harmonic_ratio(frames / 1e6, 2) == pytest.approx(harmonic_ratio(frames, 2))
 
 
 def test_three_steps_gain_by_the_gamma_that_twelve_found():

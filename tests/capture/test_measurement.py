@@ -1,6 +1,7 @@
 """A capture decoded fringe by fringe: against the geometry, and what a pixel is worth."""
 
 import cv2
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -8,6 +9,7 @@ from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.quality import Reason
+from fpputil.capture.report import overview
 from fpputil.capture.virtual import photograph
 from fpputil.decoding.decoder import decode
 from fpputil.decoding.triangulation import depth_of, triangulate
@@ -51,6 +53,8 @@ def test_every_unwrapping_finds_the_columns(tmp_path, view, name):
     assert np.abs(off).max() < 0.5 * min(f.pitch for f in result.fringes)
     assert np.sqrt(np.mean(off**2)) < 0.25
     assert np.isnan(result.Phi[~result.mask]).all()
+    assert len(result.offsets) == len(result.sharpness) == len(result.fringes) - 1
+    assert np.abs(result.offsets).max() < 0.05 and result.sharpness.min() > 0.9
     assert (result.reason[~view.mask] != Reason.GOOD).all()
 
 
@@ -120,6 +124,17 @@ def test_gamma_is_estimated_or_taken(tmp_path, view):
     result = measure(capture, gamma=0.6)
     off = np.abs(result.coordinate - view.column)[result.mask]
     assert np.median(off) < 0.05
+
+
+def test_the_overview_counts_grey_levels_and_modulations(tmp_path, view):
+    result = measure(written(tmp_path, view, SETS["mf"]))
+    fig = overview(result)
+    lit = [frames[:, np.ptp(frames, axis=0) > 16] for frames in result.sample]
+    for ax, values, top in ((fig.axes[1], lit, 256), (fig.axes[7], result.modulation, 128)):
+        expected = [np.histogram(v, 64, (0, top))[0] for v in values]
+        outlines = [patch.get_xy()[1:128:2, 1] for patch in ax.patches]
+        np.testing.assert_array_equal(outlines, np.maximum(expected, ax.patches[0].get_xy()[0, 1]))
+    plt.close(fig)
 
 
 def test_points_are_those_of_the_columns_within_the_range(tmp_path, view):

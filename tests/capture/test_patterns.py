@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpputil.capture.patterns import Patterns, natural
+from fpputil.capture.virtual import photograph
 from fpputil.optics.fringes import Fringe, fringe_set
+from fpputil.optics.view import View
 
 BOTH = (*fringe_set((48, 12), 4), *fringe_set((32, 8), (3, 5), axis="row"))
 
@@ -61,6 +63,15 @@ def test_pictures_are_equation_one(shift):
         picture = patterns.picture(shot)
         assert picture.shape == (32, 48) and picture.dtype == np.uint8
         assert np.abs(picture - light).max() <= 0.5 + 1e-9
+
+
+def test_a_white_wall_shows_the_pictures_themselves(tiny):
+    """Seen with one camera pixel a projector pixel."""
+    patterns = Patterns((912, 1140), (*fringe_set((912, 15), 4), Fringe(114, 3, "row")), shift=-1)
+    v, u = np.mgrid[:40, :912].astype(float)
+    view = View(u, v, np.ones_like(u), np.ones_like(u), u >= 0)
+    for shot, frame in photograph(view, patterns, tiny.system):
+        np.testing.assert_array_equal(frame, patterns.picture(shot)[:40])
 
 
 @pytest.mark.parametrize(

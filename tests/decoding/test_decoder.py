@@ -62,13 +62,14 @@ def test_an_earlier_result_is_filled_anew(sphere_view):
         decode(second.astype(float), fringes, 912, out=result)
 
 
+@pytest.mark.parametrize("dtype, atol", [(np.float32, 2e-4), (np.float64, 1e-9)])
 @pytest.mark.parametrize("shape", [(1, 1), (3, 683), (2, 1024), (1, 2049), (64, 65)])
-def test_every_block_size(shape):
+def test_every_block_size(shape, dtype, atol):
     fringes = fringe_set((912, 114, 15), 4)
     column = np.linspace(0, 911, shape[0] * shape[1]).reshape(shape)
     frames = np.concatenate([[f.intensity(column, n) for n in range(4)] for f in fringes])
-    Phi = decode(frames.astype(np.float32), fringes, 912).Phi
-    np.testing.assert_allclose(Phi, 2 * np.pi * column / 15, atol=2e-4)
+    Phi = decode(frames.astype(dtype), fringes, 912).Phi
+    np.testing.assert_allclose(Phi, 2 * np.pi * column / 15, atol=atol)
 
 
 def test_atan2_of_the_kernel_all_round():
@@ -85,6 +86,16 @@ def test_outside_the_mask_is_nan(sphere_view):
     assert np.isnan(d.Phi[~d.mask]).all() and np.isnan(d.wrapped[:, ~d.mask]).all()
     assert np.isfinite(d.Phi[d.mask]).all() and np.isfinite(d.modulation).all()
     np.testing.assert_array_equal(d.mask, d.modulation[-1] > 8)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+def test_the_threshold_itself_is_outside_the_mask(sphere_view, dtype):
+    fringes = fringe_set((912, 24), 4)
+    frames = sphere_view.frames(fringes).astype(dtype)
+    modulation = decode(frames, fringes, 912).modulation[-1]
+    threshold = modulation[60, 80]
+    mask = decode(frames, fringes, 912, threshold).mask
+    np.testing.assert_array_equal(mask, modulation > threshold)
 
 
 def test_horizontal_fringes(sphere_view):
@@ -136,6 +147,7 @@ def test_guard_takes_the_borders_out_of_the_mask(dtype):
     guarded = decode(frames.astype(dtype), fringes, 912, sigma_phi=0.02)
     assert wrong(free).any() and not wrong(guarded).any()
     guard = unwrap.guard_columns(0.02, 912)
-    assert guarded.mask.mean() == pytest.approx(1 - 2 * guard / 912, abs=3e-3)
+    assert guarded.mask.mean() == pytest.approx(1 - 2 * guard / 912, abs=1e-3)
+    assert column[guarded.mask].mean() == pytest.approx(455.5, abs=0.05)  # as much at either border
     assert np.isnan(guarded.Phi[~guarded.mask]).all()
     assert np.isnan(guarded.wrapped[:, ~guarded.mask]).all()

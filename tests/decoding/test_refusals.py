@@ -14,6 +14,7 @@ from fpputil.optics.system import preset
 FRINGES = fringe_set((912, 114, 15), 4)
 TWO = [np.zeros((3, 3))] * 2
 POINTS = np.zeros((5, 3))
+RANDOM = np.random.default_rng(0).random((9, 3))
 RAMP = 1.5 * np.arange(20.0) * np.ones((20, 1))
 IMAGE = 100 + 50 * np.cos(RAMP)
 HOLE = np.where(RAMP == 15, np.nan, IMAGE)
@@ -74,7 +75,7 @@ DEPTH = [
     (lambda: phase_height.fit_phase_height(np.zeros((4, 4)), (1, 2)), "a fit needs"),
     (lambda: phase_height.fit_phase_height(np.zeros((2, 4, 4)), (1, np.nan)), "must be finite"),
     (lambda: pointcloud.fit_sphere(POINTS[:3]), "P >= 4"),
-    (lambda: pointcloud.fit_sphere(np.random.default_rng(0).random((9, 3)) * (1, 1, 0)), "plane"),
+    (lambda: pointcloud.fit_sphere(RANDOM * (1, 1, 1e-11)), "points in a plane"),
     (lambda: pointcloud.fit_sphere(POINTS + np.nan), "NaN"),
     (lambda: pointcloud.fit_plane(np.arange(9.0)[:, None] * np.ones(3)), "on a line"),
     (lambda: pointcloud.fit_plane(POINTS[:, :2]), r"\(P, 3\) is needed"),

@@ -106,6 +106,14 @@ def test_phase_height_models_on_planes(tiny, degree, inside):
     assert np.isnan(got[:, 120:]).all() and np.isfinite(got[:, :120]).all()
 
 
+@pytest.mark.parametrize("degree", [1, 3])
+def test_a_phase_that_is_straight_in_height_gives_it_exactly(degree):
+    a, b = np.random.default_rng(0).uniform(1, 2, (2, 4, 5))
+    heights = np.linspace(560, 760, 9)
+    model = phase_height.fit_phase_height(a + b * heights[:, None, None], heights, degree)
+    np.testing.assert_allclose(model.height(a + b * 637.1), 637.1, rtol=0, atol=1e-9)
+
+
 @settings(deadline=None, max_examples=30)
 @given(seed=st.integers(0, 1000), radius=st.floats(1, 500), z=st.floats(-1000, 1000))
 def test_sphere_fit_is_exact_on_a_cap(seed, radius, z):
@@ -151,6 +159,8 @@ def test_ply_round_trip(tmp_path, tiny, sphere_view):
     back = trimesh.load(tmp_path / "cloud.ply")
     np.testing.assert_allclose(back.vertices, cloud, atol=1e-4)
     assert (back.colors[:, :3] == (10, 20, 30)).all()
+    pointcloud.save_ply(tmp_path / "cloud.ply", cloud[:1])
+    np.testing.assert_allclose(trimesh.load(tmp_path / "cloud.ply").vertices, cloud[:1], atol=1e-4)
     mesh = pointcloud.surface(points, max_edge=20)
     pointcloud.save_ply(tmp_path / "mesh.ply", mesh)
     assert len(trimesh.load(tmp_path / "mesh.ply").faces) == len(mesh.faces)

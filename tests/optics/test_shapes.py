@@ -153,6 +153,7 @@ def test_step_block_heights():
     rays = np.array([(-30, 1, 0), (0, 1, 0), (30, 1, 0)], float)
     hit, ray, _ = mesh.ray.intersects_location(rays, np.tile((0, 0, 1.0), (3, 1)), False)
     assert np.allclose(hit[np.argsort(ray), 2], 690 - np.array(heights), atol=1e-3)
+    assert np.allclose(shapes.step_block().bounds, [[-100, -60, 640], [100, 60, 700]])
 
 
 def test_rotations():

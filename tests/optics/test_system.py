@@ -19,16 +19,29 @@ LENS = (-0.12, 0.05, 1e-3, -5e-4, 0.01)
 
 def pinhole(distortion=()):
     R = Rotation.from_euler("xyz", (5, -8, 3), degrees=True).as_matrix()
-    return Pinhole(640, 480, camera_matrix(900, 640, 480), R, (20, -30, 40), distortion)
+    K = camera_matrix(900, 640, 480) + [(0, 7, 0), (0, 50, 0), (0, 0, 0)]  # skew, tall pixels
+    return Pinhole(640, 480, K, R, (20, -30, 40), distortion)
 
 
 @pytest.mark.parametrize("distortion", [(), LENS])
 def test_projection_is_opencv_s(distortion):
     p = pinhole(distortion)
     points = np.random.default_rng(0).uniform((-150, -100, 500), (150, 100, 900), (50, 3))
-    rvec = cv2.Rodrigues(p.R)[0]
-    expected, _ = cv2.projectPoints(points, rvec, p.t, p.K, np.array(distortion or [0.0] * 4))
-    np.testing.assert_allclose(p.project(points), expected[:, 0], atol=1e-8)
+    rvec = cv2.Rodrigues(p.R)[0]  # OpenCV knows no skew: K is applied here
+    plain = cv2.projectPoints(points, rvec, p.t, np.eye(3), np.array(distortion or [0.0] * 4))[0]
+    expected = plain[:, 0] @ p.K[:2, :2].T + p.K[:2, 2]
+    np.testing.assert_allclose(p.project(points), expected, atol=1e-8)
+    beams = (points - p.centre) / ((points - p.centre) @ p.R[2])[:, None]
+    np.testing.assert_allclose(p.rays(expected), beams, atol=1e-9)
+
+
+def test_a_lens_that_turns_back_ends_where_it_turns():
+    """``r (1 - 0.3 r^2)`` grows up to r = 1.05, where it is 0.70."""
+    p = Pinhole(640, 480, np.eye(3), distortion=(-0.3, 0, 0, 0))
+    points = np.array([(r, 0, 1) for r in (0.9, 1.2, 2.0, 20.0)])
+    np.testing.assert_allclose(p.project(points)[:, 0], (0.9 - 0.3 * 0.9**3, *[np.nan] * 3))
+    rays = p.rays([(0.9 - 0.3 * 0.9**3, 0), (0.75, 0), (2.0, 0)])
+    np.testing.assert_allclose(rays[:, 0], (0.9, np.nan, np.nan))
 
 
 @pytest.mark.slow

@@ -61,6 +61,7 @@ def test_noise_has_its_sigma_and_seed():
         ({"gamma": 2.0}, 255 * 0.25),
         ({"saturation": 100.0}, 100.0),
         ({"gain": 4.0}, 510.0),
+        ({"gain": 4.0, "ambient": 10}, 520.0),
     ],
 )
 def test_camera_options(option, expected):

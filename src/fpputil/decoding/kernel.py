@@ -30,10 +30,8 @@ def _arctan():
 Q = _arctan()  # the highest power first
 
 
-def compiled(function=None, **options):
+def compiled(function, **options):
     """`numba.njit` of a module's function, kept on disk where a folder for that can be written."""
-    if function is None:
-        return partial(compiled, **options)
     try:
         return numba.njit(function, cache=True, **options)
     except RuntimeError:  # neither the package's folder nor the user's
@@ -55,7 +53,7 @@ def minus_atan2(M, D):
     return -r if M > 0 else r
 
 
-@compiled(parallel=True, error_model="numpy", fastmath={"contract"})
+@partial(compiled, parallel=True, error_model="numpy", fastmath={"contract"})
 def sweep(frames, steps, weights, ratios, start, threshold, wrapped, modulation, Phi, mask):
     """Fill the last four arrays, of S pixels in a row, from frames (N, S): as `decode` says.
 
