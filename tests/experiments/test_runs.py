@@ -244,7 +244,8 @@ def test_other_settings_are_another_run(found, small_set, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "text, said", [('{"a": 1}', "no name in it"), ('{"na', "no file of results"), ("[]", "no name")]
+    "text, said",
+    [('{"a": 1}', "(no name); remove it"), ('{"na', "no file of results"), ("[]", "a table is")],
 )
 def test_a_cut_or_foreign_file_is_named(tmp_path, capsys, text, said):
     (tmp_path / "tiny").mkdir()

@@ -208,11 +208,7 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
             f'unwrap "minimum" with {lack} given; the minimum phase needs a calibrated system '
             "and vertical fringes"
         )
-    if (system.camera.height, system.camera.width) != size:
-        raise ValueError(
-            f"a system of {system.camera.width} x {system.camera.height} pixels given; the "
-            f"photographs have {size[1]} x {size[0]}"
-        )
+    check_size(system, size)
     unwrap.check_pitches(pitches, pitches)
     Phi_min = minimum_phase(system, pitches[0]).astype(np.float32)
 
@@ -224,6 +220,16 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
         return Phis
 
     return unwrapped
+
+
+def check_size(system: System, size: tuple[int, int]) -> None:
+    """ValueError unless photographs (height, width) are of the system's camera."""
+    camera = system.camera
+    if (camera.height, camera.width) != size:
+        raise ValueError(
+            f"a system of {camera.width} x {camera.height} pixels given; the photographs have "
+            f"{size[1]} x {size[0]}"
+        )
 
 
 def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.ndarray], float]:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import io
+import math
 import os
+import struct
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+import tifffile
 
 from fpputil.capture.patterns import NAME, Patterns, Shot
-from fpputil.checks import positive
+from fpputil.checks import at_most, one_line, positive
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE
 
@@ -178,15 +181,12 @@ def _pixels(path: Path) -> np.ndarray:
     """(H, W), or (H, W, 3) with red first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
-    data, is_array = np.fromfile(path, np.uint8), _is_array(path)
-    try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
-        if is_array:
-            image = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-        elif (image := cv2.imdecode(data, cv2.IMREAD_UNCHANGED)) is None:
-            raise ValueError("OpenCV does not read it")
+    is_array = _is_array(path)
+    try:
+        image = _array(path) if is_array else _image(path)
     except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
         kind = "an array of numbers" if is_array else "an image"
-        raise ValueError(f"{path} is cut, or not {kind} ({error})") from error
+        raise ValueError(f"{path} is cut, or not {kind} ({one_line(error)})") from error
     if image.dtype.kind == "f":
         image = image.astype(np.float32, copy=False)
     elif image.dtype not in (np.uint8, np.uint16):
@@ -199,6 +199,34 @@ def _pixels(path: Path) -> np.ndarray:
     if not np.isfinite(image).all():
         raise ValueError(f"{path} has pixels that are NaN or infinite; photograph again")
     return np.ascontiguousarray(image)
+
+
+def _array(path: Path) -> np.ndarray:
+    """A .npy file; one whose head promises more than there is cannot be mapped."""
+    array = np.lib.format.open_memmap(path, mode="r")
+    at_most("pixels", math.prod(array.shape[:2]), "FPP_MOST_PIXELS")
+    return np.array(array, array.dtype.newbyteorder("="))
+
+
+def _image(path: Path) -> np.ndarray:
+    data = path.read_bytes()  # for OpenCV cannot open a file whose name is not UTF-8
+    at_most("pixels", _promised(data), "FPP_MOST_PIXELS")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError("OpenCV does not read it")
+    return image
+
+
+def _promised(data: bytes) -> int:
+    """Number of pixels by the head of an image."""
+    if data.startswith(b"\x89PNG"):
+        width, height = struct.unpack_from(">II", data, 16)
+    elif data.startswith(b"BM"):
+        width, height = struct.unpack_from("<ii", data, 18)
+    else:
+        with tifffile.TiffFile(io.BytesIO(data)) as file:
+            width, height = file.pages[0].imagewidth, file.pages[0].imagelength
+    return abs(width * height)
 
 
 def _there(folder: Path) -> Path:

@@ -17,6 +17,7 @@ from trimesh.exchange.load import mesh_formats
 
 from fpputil import checks
 from fpputil.checks import positive, seeded, whole
+from fpputil.files import read_arrays
 from fpputil.optics.parts import FAMILIES as FAMILIES
 from fpputil.optics.parts import part as part
 from fpputil.optics.parts.stock import outline, to_mesh
@@ -208,11 +209,10 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
         known = ", ".join(formats())
         raise ValueError(f"{path} ends in {suffix!r}; the mesh formats read here are {known}")
     try:
-        npz = suffix == "npz"
-        mesh = _npz_mesh(path) if npz else trimesh.load_scene(path, process=False).to_mesh()
+        mesh = _npz_mesh(path) if suffix == "npz" else _trimesh(path, suffix)
         promised = _promised_faces(path, suffix)
     except Exception as error:  # each format's reader fails in its own way
-        reason = f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {checks.one_line(error)}"
         raise ValueError(f"{path} cannot be read ({reason}); a whole file is needed") from error
     if len(mesh.faces) < promised:
         raise ValueError(
@@ -244,9 +244,18 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         )
 
 
+def _trimesh(path: Path, suffix: str) -> trimesh.Trimesh:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:  # trimesh opens no such name
+        with path.open("rb") as file:
+            return trimesh.load_scene(file, suffix, process=False).to_mesh()
+    return trimesh.load_scene(path, process=False).to_mesh()  # which finds files beside it
+
+
 def _npz_mesh(path: Path) -> trimesh.Trimesh:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-        vertices, facets = stored["vertices"], stored["facets"]
+    stored = read_arrays(path)
+    vertices, facets = stored["vertices"], stored["facets"]
     if vertices.shape[1:] != (3,) or facets.shape[1:] != (3,) or facets.dtype.kind not in "iu":
         raise ValueError(
             f"vertices {vertices.shape} and facets {facets.shape} of {facets.dtype}; "
