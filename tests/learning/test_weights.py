@@ -199,6 +199,11 @@ def flipped(path):
     path.write_bytes(data)
 
 
+def altered(path):
+    """A pitch of the metadata."""
+    path.write_bytes(path.read_bytes().replace(b'zmin\\": 304', b'zmin\\": 305'))
+
+
 BIAS = "decoders.1.out.bias"
 CANNOT_BE_LOADED = [
     (lambda path: path.write_bytes(path.read_bytes()[:-1]), "is cut or not a safetensors file"),
@@ -217,7 +222,7 @@ CANNOT_BE_LOADED = [
     (with_tensors(lambda tensors: tensors.update({BIAS: torch.zeros(())})), "does not fit"),
     (with_tensors(lambda tensors: tensors[BIAS].fill_(math.nan)), "weights that are not finite"),
     (flipped, "is not as it was written: its SHA-256 is another"),
-    (lambda path: path.write_bytes(path.read_bytes().replace(b'n\\": 304', b'n\\": 305')), "SHA-256"),
+    (altered, "is not as it was written: its SHA-256 is another"),
     (with_method(base=2**40), "describes no method of this version: Storage size"),
     (with_method(levels=10**6), "levels 1000000 given; a whole number from 2 to 16 is needed"),
     (lambda path: rewrite(path, pitches={"high": 24}), "for no system that there is: no pitches.m"),

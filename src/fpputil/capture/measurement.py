@@ -162,7 +162,10 @@ def measure(
     """
     threshold = not_negative("threshold", threshold, "grey levels")
     patterns = capture.patterns
-    unwrapped = unwrapper(patterns, axis, system, capture.size)
+    try:
+        unwrapped = unwrapper(patterns, axis, system, capture.size)
+    except ValueError as error:
+        raise ValueError(f"{capture.folder}: {error}") from error
     fringes = tuple(patterns.along(axis).values())
     fits, sample, gamma = _read(capture, axis, gamma, each)
     if noise is None:

@@ -56,6 +56,8 @@ PINHOLE = {
 FORM = {"camera": PINHOLE, "projector": PINHOLE, "z_min": positive, "z_max": positive}
 """Of a system file."""
 
+LONGEST = 20_000  # letters of OpenCV YAML: its parser ends the process in lists 50,000 deep
+
 FREQUENCIES = Pitches._fields
 """Names of the pitches, in the order of a dataset's targets and stored photographs."""
 
@@ -239,6 +241,8 @@ def _to_yaml(system: System) -> str:
 
 
 def _from_yaml(text: str) -> dict:
+    if len(text) > LONGEST:
+        raise ValueError(f"{len(text)} letters; at most {LONGEST} are read")
     store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
 
     def value(key):

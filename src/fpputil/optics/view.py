@@ -76,8 +76,8 @@ class View:
         if not fringes:
             raise ValueError("no fringe given; a photograph needs at least one pattern")
         for fringe in fringes if steps is not None else ():
-            known = [isinstance(n, Integral) and n in range(fringe.steps) for n in steps]
-            if not known or not all(known):
+            known = (isinstance(n, Integral) and not isinstance(n, bool) for n in steps)
+            if not len(steps) or not all(known) or not set(steps) <= set(range(fringe.steps)):
                 raise ValueError(
                     f"steps {list(steps)} given; a fringe of {fringe.steps} steps has steps 0 to "
                     f"{fringe.steps - 1}, and a photograph needs one"
