@@ -92,7 +92,7 @@ def toml(value) -> str:
 
 
 def safetensors(metadata, data: bytes) -> bytes:
-    """A file of weights with other metadata."""
+    """A file of weights with other metadata, and no SHA-256, as those that ship."""
     size = int.from_bytes(data[:8], "little")
     head = json.loads(data[8 : 8 + size])
     head["__metadata__"] = {"metadata": json.dumps(metadata)}
@@ -102,7 +102,8 @@ def safetensors(metadata, data: bytes) -> bytes:
 
 def metadata_of(data: bytes):
     head = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
-    return json.loads(head["__metadata__"]["metadata"])
+    metadata = json.loads(head["__metadata__"]["metadata"])
+    return {k: v for k, v in metadata.items() if k != "sha256"}
 
 
 def changed(rng, file: Path) -> bytes:

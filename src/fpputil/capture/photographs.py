@@ -222,7 +222,7 @@ def _promised(data: bytes) -> int:
     if data.startswith(b"\x89PNG"):
         width, height = struct.unpack_from(">II", data, 16)
     elif data.startswith(b"BM"):
-        width, height = struct.unpack_from("<ii", data, 18)
+        width, height = struct.unpack_from("<HH" if data[14] == 12 else "<ii", data, 18)
     else:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             width, height = file.pages[0].imagewidth, file.pages[0].imagelength

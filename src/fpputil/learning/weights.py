@@ -99,8 +99,8 @@ def load_weights(path: str | Path) -> Trained:
 
 def write_tensors(path: Path, tensors: dict, metadata: dict) -> None:
     """Write tensors, JSON and the SHA-256 of both as safetensors, whole or not at all."""
-    inside = {"metadata": json.dumps(metadata)}
-    write_whole(path, save(tensors, inside | {"sha256": _digest(tensors, inside)}))
+    sealed = {**metadata, "sha256": _digest(tensors, metadata)}
+    write_whole(path, save(tensors, {"metadata": json.dumps(sealed)}))
 
 
 def read_tensors(path: Path, kind: str, sealed: bool) -> tuple[dict, dict]:
@@ -112,20 +112,20 @@ def read_tensors(path: Path, kind: str, sealed: bool) -> tuple[dict, dict]:
     try:
         tensors = load(data)
         header = parse_json(data[8 : 8 + int.from_bytes(data[:8], "little")], {...: anything})
-        inside = header.get("__metadata__", {})
-        metadata = parse_json(inside.get("metadata", "{}"), {...: anything})
+        inside = header.get("__metadata__", {}).get("metadata", "{}")
+        metadata = parse_json(inside, {...: anything})
     except Exception as error:  # its own, and those of torch and of names of types
         raise ValueError(f"{path} is cut or not {kind} ({one_line(error)})") from error
-    if sealed and "sha256" not in inside:
+    seal = metadata.pop("sha256", None)
+    if sealed and seal is None:
         raise ValueError(f"{path} is not {kind} of this version of fpputil")
-    text = {"metadata": inside.get("metadata", "")}
-    if "sha256" in inside and inside["sha256"] != _digest(tensors, text):
+    if seal is not None and seal != _digest(tensors, metadata):
         raise ValueError(f"{path} is not as it was written: its SHA-256 is another")
     return tensors, metadata
 
 
-def _digest(tensors: dict, metadata: dict | None = None) -> str:
-    return hashlib.sha256(save(tensors, metadata)).hexdigest()
+def _digest(tensors: dict, metadata: dict) -> str:
+    return hashlib.sha256(save(tensors, {"metadata": json.dumps(metadata)})).hexdigest()
 
 
 def write_metrics(path: str | Path, trained: Trained, split: str, measures: dict) -> Path:
@@ -181,7 +181,7 @@ def plain(value):
 def checksum(network: nn.Module) -> str:
     """SHA-256 of all weights, in float32."""
     tensors = {k: v.cpu().float().contiguous() for k, v in network.state_dict().items()}
-    return _digest(tensors)
+    return hashlib.sha256(save(tensors)).hexdigest()
 
 
 def check_fit(path: Path, tensors: dict, shapes: dict) -> None:

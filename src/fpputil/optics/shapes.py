@@ -3,6 +3,7 @@
 Lengths in mm, vertices (V, 3); the camera is the world: x right, y down, z forward (Chapter 2).
 """
 
+import io
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -248,8 +249,8 @@ def _trimesh(path: Path, suffix: str) -> trimesh.Trimesh:
     try:
         str(path).encode()
     except UnicodeEncodeError:  # trimesh opens no such name
-        with path.open("rb") as file:
-            return trimesh.load_scene(file, suffix, process=False).to_mesh()
+        file = io.BytesIO(path.read_bytes())
+        return trimesh.load_scene(file, suffix, process=False).to_mesh()
     return trimesh.load_scene(path, process=False).to_mesh()  # which finds files beside it
 
 
