@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tomllib
 import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -464,6 +465,7 @@ def read_changed(name: str, folder: Path, cases: range):
     import torch
     from matplotlib.figure import Figure
 
+    warnings.simplefilter("error", RuntimeWarning)  # which would be a second line
     torch.set_num_threads(1)
     Figure.savefig = lambda self, file, **_: file.write(b"no picture")
     kind, sample, out = KINDS[name], folder / "sample", sys.stdout

@@ -77,8 +77,10 @@ def text(name: str, value) -> str:
 
 def at_most(name: str, value: int, limit: str) -> None:
     """ValueError if a number of pixels or photographs is above its limit, a name in `MOST`."""
-    most = int(os.environ.get(limit, MOST[limit]))
-    if value > most:
+    most = os.environ.get(limit, str(MOST[limit]))
+    if not most.isdecimal():
+        raise ValueError(f"{limit} {most!r} found in the environment; a whole number is needed")
+    if value > int(most):
         raise ValueError(
             f"{name} {value} given; more than {most} are refused, unless the environment variable "
             f"{limit} says otherwise"
@@ -160,7 +162,8 @@ def rotation(name: str, R) -> np.ndarray:
     R = np.asarray(R, np.float64)
     if R.shape != (3, 3):
         raise ValueError(f"{name} of shape {R.shape} given; a rotation is a (3, 3) matrix")
-    if not (np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0):
+    turns = np.abs(R).max() < 2 and np.allclose(R @ R.T, np.eye(3), atol=1e-6)
+    if not (turns and np.linalg.det(R) > 0):
         raise ValueError(f"{name} {R.tolist()} given; a rotation is orthonormal with det +1")
     return R
 

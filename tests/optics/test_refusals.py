@@ -158,6 +158,9 @@ def test_it_is_refused(call, words):
 def test_a_limit_is_raised_by_the_environment(monkeypatch):
     monkeypatch.setenv("FPP_MOST_PIXELS", str(10**10))
     assert replace(EYE, width=100_000, height=100_000).width == 100_000
+    monkeypatch.setenv("FPP_MOST_PIXELS", "many")
+    with pytest.raises(ValueError, match="FPP_MOST_PIXELS 'many' found in the environment"):
+        Pinhole(640, 480, K)
     monkeypatch.setenv("FPP_MOST_PIXELS", "100")
     with pytest.raises(ValueError, match="640 x 480 pixels, in all 307200 given; more than 100"):
         Pinhole(640, 480, K)
@@ -194,3 +197,9 @@ def test_a_system_file_without_an_end(tmp_path):
     (tmp_path / "deep.yml").write_text("%YAML:1.0\n---\na: " + "[" * 100_000)
     with pytest.raises(ValueError, match="deep.yml given; .*100017 letters; at most 20000"):
         load_system(tmp_path / "deep.yml")
+
+
+def test_a_mesh_too_far_away_to_be_read(tmp_path):
+    (tmp_path / "far.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1e11 0\n3 0 1 2\n")
+    with pytest.raises(ValueError, match=r"far.off has a coordinate of 1e\+11; up to 1e\+10 are"):
+        shapes.load_mesh(tmp_path / "far.off")

@@ -188,7 +188,8 @@ def _pixels(path: Path) -> np.ndarray:
         kind = "an array of numbers" if is_array else "an image"
         raise ValueError(f"{path} is cut, or not {kind} ({one_line(error)})") from error
     if image.dtype.kind == "f":
-        image = image.astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused
+            image = image.astype(np.float32, copy=False)
     elif image.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"{path} has dtype {image.dtype}; uint8, uint16 or floats are read")
     if not image.size or image.shape[2:] not in ((), (1,), (3,), (4,)) or image.ndim == 1:

@@ -27,6 +27,8 @@ SIZE = 240.0
 """Diameter in mm of the ball that a placed mesh fills. At `CENTRE` every pose of it is inside the
 presets' camera view (a ball of 285 mm would touch it) and measuring range (z 480 to 820 mm)."""
 
+FARTHEST = 1e10  # trimesh tells vertices apart by their coordinates in 1e-8, as whole numbers
+
 CENTRE = (0.0, 0.0, 650.0)
 """Where the middle of that ball lies, mm."""
 
@@ -221,6 +223,8 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
             "a whole file is needed"
         )
     check_mesh(mesh, str(path))
+    if (far := np.abs(mesh.vertices).max()) > FARTHEST:
+        raise ValueError(f"{path} has a coordinate of {far:g}; up to {FARTHEST:g} are told apart")
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
     corners = np.sort(mesh.faces, axis=1)  # slivers lose a corner in the file's float32
