@@ -2,6 +2,7 @@
 
 import math
 import struct
+from zlib import crc32
 
 import cv2
 import numpy as np
@@ -57,7 +58,11 @@ def promised(path, head, sizes):
 
 def wide(path):
     """A file of 900 megapixels that takes no room on the disk."""
-    if path.suffix == ".tif":
+    if path.suffix == ".png":
+        chunks = (b"IHDR" + struct.pack(">IIBBBBB", 30_000, 30_000, 8, 0, 0, 0, 0), b"IEND")
+        whole = (struct.pack(">I", len(c) - 4) + c + struct.pack(">I", crc32(c)) for c in chunks)
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(whole))
+    elif path.suffix == ".tif":
         tifffile.memmap(path, shape=(30_000, 30_000), dtype=np.uint8).flush()
     else:
         np.lib.format.open_memmap(path, "w+", np.uint8, (30_000, 30_000)).flush()
@@ -94,8 +99,12 @@ REFUSALS = {
         "a system of 320 x 240 pixels given; the photographs have 160 x 120",
     ),
     "pixels of a PNG": (
-        lambda path: promised(path / "a.png", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", ">II"),
+        lambda path: read_photograph(wide(path / "a.png")),
         "a.png is cut, or not an image (pixels 900000000 given; more than 268435456 are refused",
+    ),
+    "a chunk of a PNG that is not there": (
+        lambda path: promised(path / "a.png", b"\x89PNG\r\n\x1a\n\x7f\xff\xff\xffIHDR", ">II"),
+        "a.png is cut, or not an image (unpack_from requires",
     ),
     "pixels of a BMP": (
         lambda path: promised(path / "a.bmp", b"BM" + bytes(16), "<ii"),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
 import os
 import struct
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +23,10 @@ from fpputil.optics.fringes import WHITE
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
 READ = ", ".join(suffix[1:] for suffix in SUFFIXES)
+
+# What is wrong with a file is told by an error, and only once.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+cv2.setLogLevel(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +227,7 @@ def _image(path: Path) -> np.ndarray:
 def _promised(data: bytes) -> int:
     """Number of pixels by the head of an image."""
     if data.startswith(b"\x89PNG"):
+        _check_chunks(data)
         width, height = struct.unpack_from(">II", data, 16)
     elif data.startswith(b"BM"):
         width, height = struct.unpack_from("<HH" if data[14] == 12 else "<ii", data, 18)
@@ -228,6 +235,17 @@ def _promised(data: bytes) -> int:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             width, height = file.pages[0].imagewidth, file.pages[0].imagelength
     return abs(width * height)
+
+
+def _check_chunks(data: bytes) -> None:
+    """ValueError unless the chunks of a PNG are whole: OpenCV takes memory for all they promise."""
+    at, kind, view = 8, b"", memoryview(data)
+    while kind != b"IEND":
+        length, kind = struct.unpack_from(">I4s", data, at)
+        end = at + 8 + length
+        if zlib.crc32(view[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            raise ValueError(f"the CRC at {end} is wrong")
+        at = end + 4
 
 
 def _there(folder: Path) -> Path:
