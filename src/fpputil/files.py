@@ -46,6 +46,18 @@ def write_arrays(path: str | os.PathLike, arrays: dict[str, np.ndarray], compres
     write_whole(path, file.getvalue())
 
 
+def read_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
+    """All arrays of an NPZ file; ValueError with its path if it is cut or no such file."""
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return dict(arrays)
+    except FileNotFoundError:
+        raise
+    except Exception as error:  # ZIP, its compression and NumPy's heads have errors of their own
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{path} is cut or no file of arrays ({reason})") from error
+
+
 @contextmanager
 def folder_whole(
     path: str | os.PathLike, by: str, force: bool = False, inputs: Sequence[str | os.PathLike] = ()

@@ -41,6 +41,14 @@ def test_every_kind_is_read_as_it_is(tmp_path, suffix, dtype):
     np.testing.assert_array_equal(photograph, image)
 
 
+@pytest.mark.parametrize("dtype", [">u2", ">f4", "<f8"])
+def test_an_array_in_another_order_of_bytes_is_read(tmp_path, dtype):
+    np.save(tmp_path / "a.npy", (GREY * 100.0).astype(dtype))
+    photograph = read_photograph(tmp_path / "a.npy")
+    assert photograph.dtype == (np.uint16 if dtype == ">u2" else np.float32)
+    np.testing.assert_array_equal(photograph, GREY * np.float32(100))
+
+
 def test_a_name_that_is_not_utf8_is_read(tmp_path):
     path = tmp_path / os.fsdecode(b"caf\xe9.png")
     path.write_bytes(cv2.imencode(".png", GREY)[1].tobytes())

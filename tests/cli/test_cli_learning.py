@@ -148,7 +148,12 @@ def test_evaluate_keeps_the_numbers(evaluate, weights, tmp_path):
     "changes, said",
     [
         ({"camera": [240, 320]}, "the network was trained for [240, 320]"),
-        ({"pitches": {"high": 18}}, "the network was trained for {'high': 18}"),
+        (
+            {"pitches": {"high": 18, "mid": 114, "zmin": 304, "unit": 912}},
+            "the network was trained for {'high': 18, 'mid': 114",
+        ),
+        ({"pitches": {"high": 18}}, "is for no system that there is: no pitches.mid"),
+        ({"sha256": "0" * 64}, "is not as it was written: its SHA-256 is another"),
         ({"method": {"method": "unet"}}, "method 'unet' is not known"),
     ],
 )
@@ -157,6 +162,7 @@ def test_a_network_for_something_else_is_one_line(
 ):
     with safetensors.safe_open(weights, "pt") as file:
         about = json.loads(file.metadata()["metadata"])
+    del about["sha256"]  # as of weights that ship
     other = tmp_path / "other.safetensors"
     save_file(load_file(weights), other, {"metadata": json.dumps({**about, **changes})})
     assert said in evaluate(weights=other, how=refused)

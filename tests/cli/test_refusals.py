@@ -3,10 +3,13 @@
 import json
 import sys
 
+import numpy as np
 import pytest
 
+from fpputil.capture import Patterns
 from fpputil.dataset.generation import generate
 from fpputil.dataset.models import seeded_models
+from fpputil.optics import Fringe
 
 
 @pytest.mark.parametrize(
@@ -51,6 +54,30 @@ def test_datasets_that_cannot_be_made(options, said, refused, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     assert said in refused("dataset", "generate", "set", *options.split())
     assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize(
+    "body, files, said",
+    [
+        ("--sphere 100 --size 50", "{step}.png", "--size given; it is for --mesh and --part"),
+        ("--board 8x5 --turn 0 0", "{step}.png", "--turn given; it is for --mesh and --part"),
+        ("--sphere 100 --supersample 9999", "{step}.png", "1599840 x 1199880 pixels, in all"),
+        ("--sphere 100", "{step}.jpg", "0.jpg given; png, bmp, tif, tiff, npy files are read"),
+        ("--sphere 100", "{step}", "0 given; png, bmp, tif, tiff, npy files are read"),
+    ],
+)
+def test_renderings_that_cannot_be_leave_no_folder(body, files, said, refused, tmp_path):
+    Patterns((912, 1140), (Fringe(24, 3),), files=files).save(tmp_path / "p.toml")
+    words = ("render", tmp_path / "out", "--patterns", tmp_path / "p.toml", "--system", "tiny")
+    assert said in refused(*words, *body.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["p.toml"]
+
+
+def test_a_rendering_as_arrays(fpp, tmp_path):
+    Patterns((912, 1140), (Fringe(24, 3),), files="{step}.npy").save(tmp_path / "p.toml")
+    words = ("render", tmp_path / "out", "--patterns", tmp_path / "p.toml", "--system", "tiny")
+    assert fpp(*words, "--sphere", 100)[0] == 0
+    assert np.load(tmp_path / "out" / "2.npy").shape == (120, 160)
 
 
 def test_download_without_the_package(refused, tmp_path, monkeypatch):

@@ -130,7 +130,7 @@ def test_folders_that_cannot_be_used(scenes, tmp_path):
     index = json.loads((scenes / "scenes.json").read_text())
     del index["steps"]
     (scenes / "scenes.json").write_text(json.dumps(index))
-    with pytest.raises(ValueError, match="is not whole .KeyError: 'steps'."):
+    with pytest.raises(ValueError, match="is not whole .no steps."):
         import_folder(scenes, tmp_path / "set")
     (scenes / "scenes.json").write_text("{")
     with pytest.raises(ValueError, match="is not whole"):
@@ -191,8 +191,8 @@ def test_changed_photographs_are_another_dataset(scenes, tmp_path):
 @pytest.mark.parametrize(
     "change, said",
     [
-        (lambda s: [], "scenes of scenes.json is no table"),
-        (lambda s: dict.fromkeys(s), "scenes of scenes.json is no table"),
+        (lambda s: [], "scenes.json is no table"),
+        (lambda s: dict.fromkeys(s), "scenes.json is no table"),
         (lambda s: {k: {"split": "train"} for k in s}, "split 'train' given for scene-"),
         (
             lambda s: {

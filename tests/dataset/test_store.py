@@ -3,10 +3,12 @@
 import json
 import shutil
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import pytest
 import zarr
+from numcodecs.checksum32 import CRC32C
 
 from fpputil.dataset import layout
 from fpputil.dataset.store import Store, check_files, open_store
@@ -170,3 +172,78 @@ def test_a_view_does_not_depend_on_where_the_world_lies(small_set):
     other = Store(store.path, {**store.manifest, "system": system_to_dict(system)})
     one, two = (s.view(index) for s in (store, other))
     np.testing.assert_allclose(two.row[two.mask], one.row[one.mask], atol=1e-3)
+
+
+def sealed(data):
+    """Bytes with the CRC that belongs to them."""
+    return CRC32C(location="end").encode(np.frombuffer(data, np.uint8)).tobytes()
+
+
+@pytest.mark.parametrize("entry, value", [(0, 2**63), (0, 10**6), (1, 2**63), (1, 2**40), (1, 3)])
+def test_an_index_that_points_elsewhere_is_noticed(entry, value, copy):
+    """Its CRC is right: whoever wrote it meant harm, or wrote past 16 GB."""
+    store = open_store(copy)
+    index = int(store.indices("training")[0])
+    file = copy / f"mask/c/{index // 2}/0/0"
+    data = file.read_bytes()
+    places = np.frombuffer(data[-36:-4], "<u8").copy()
+    places[2 * (index % 2) + entry] = value
+    file.write_bytes(data[:-36] + sealed(places.tobytes()))
+    with pytest.raises(ValueError, match="mask of view .* cannot be read .*; run: fpp dataset"):
+        store.array("mask", index)
+
+
+@pytest.mark.parametrize("at", [4, 12])
+@pytest.mark.parametrize("value", [0, 100, 2**31 - 1])
+def test_a_chunk_of_another_size_is_noticed(at, value, copy):
+    """What Blosc's head says it holds, and how long it says it is, with a CRC that is right."""
+    store = open_store(copy)
+    index = int(store.indices("training")[0])
+    file = copy / f"mask/c/{index // 2}/0/0"
+    data = bytearray(file.read_bytes())
+    start, size = np.frombuffer(data[-36:-4], "<u8").reshape(2, 2)[index % 2].tolist()
+    data[start + at : start + at + 4] = value.to_bytes(4, "little")
+    data[start : start + size] = sealed(bytes(data[start : start + size - 4]))
+    file.write_bytes(data)
+    with pytest.raises(ValueError, match="cannot be read .ValueError: a chunk of"):
+        store.array("mask", index)
+
+
+@pytest.mark.parametrize(
+    "place, value, said",
+    [
+        (("settings", "views"), "2", "settings.views '2' given"),
+        (("settings", "views"), 10**9, "2 entries in records.0"),
+        (("settings", "models"), 12, "settings.models 12, 11 models, 11 records"),
+        (("system", "camera", "width"), 10**9, "1000000000 x 120 pixels"),
+        (("system", "z_min"), 900.0, "measuring range 900.0 to 820.0 mm"),
+        (("pitches", "high"), None, "pitches.high None given"),
+        (("pitches", "low"), 3, "pitches.low is not known"),
+        (("frames",), [{"pitch": 24, "steps": 15}], "1 entries in frames"),
+        (("frames",), [{"pitch": 24, "steps": 10**9}] * 4, "steps 1000000000 given"),
+        (("models", 0, "split"), ["test"], "models.0.split .'test'. given; the splits are"),
+        (("records", 0, "lit"), [1.5, 2], "records.0.lit.0 1.5 given"),
+        (("records", 0, "shards"), [], "records.0.shards .. given; a table is needed"),
+        (("extremes",), 3, "extremes 3 given; a list of 2"),
+    ],
+)
+def test_a_manifest_of_another_structure_is_damaged(place, value, said, copy):
+    file = copy / layout.MANIFEST
+    manifest = json.loads(file.read_bytes())
+    *way, last = place
+    reduce(lambda at, key: at[key], way, manifest)[last] = value
+    file.write_bytes(layout.dumps(manifest))
+    with pytest.raises(ValueError, match=f"manifest.json is damaged .*{said}.*; generate anew"):
+        open_store(copy)
+    (line,) = check_files(copy)
+    assert line.startswith("manifest.json: not as it was written")
+
+
+def test_a_record_reads_no_file_elsewhere(copy):
+    """Its shards are files of the dataset, or the check would read whatever they name."""
+    file = copy / layout.MANIFEST
+    manifest = json.loads(file.read_bytes())
+    shards = manifest["records"][0]["shards"]
+    shards["../notes"] = shards.pop("mask/c/0/0/0")
+    file.write_bytes(layout.dumps(manifest))
+    assert "../notes: not part of the dataset" in check_files(copy)

@@ -1,11 +1,14 @@
 """What decoding refuses, and in which words: one case for each kind of error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from fpputil.decoding import fourier, phase_height, pointcloud, triangulation, unwrap
 from fpputil.decoding.decoder import decode
+from fpputil.decoding.geometric_constraint import minimum_phase
 from fpputil.decoding.noise import order_error_rate
 from fpputil.decoding.phase import numerator_denominator
 from fpputil.optics.fringes import Fringe, fringe_set
@@ -100,7 +103,21 @@ FOURIER = [
 ]
 
 
-@pytest.mark.parametrize("call, words", [*PHASE, *UNWRAP, *DECODER, *DEPTH, *FOURIER])
+def looking_away():
+    """The projector turned round: nothing of what the camera sees is in front of it."""
+    pair = system()
+    return replace(pair, projector=replace(pair.projector, R=np.diag([-1.0, 1.0, -1.0])))
+
+
+GEOMETRY = [
+    (
+        lambda: minimum_phase(looking_away(), 304),
+        "820.0 mm given; no ray of the camera is in",
+    ),
+]
+
+
+@pytest.mark.parametrize("call, words", [*PHASE, *UNWRAP, *DECODER, *DEPTH, *FOURIER, *GEOMETRY])
 def test_refused(call, words):
     with pytest.raises((ValueError, FileNotFoundError), match=words):
         call()

@@ -4,6 +4,7 @@ import json
 import math
 import shutil
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -245,7 +246,8 @@ def test_other_settings_are_another_run(found, small_set, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "text, said", [('{"a": 1}', "no name in it"), ('{"na', "no file of results"), ("[]", "no name")]
+    "text, said",
+    [('{"a": 1}', "(no name); remove it"), ('{"na', "no file of results"), ("[]", "a table is")],
 )
 def test_a_cut_or_foreign_file_is_named(tmp_path, capsys, text, said):
     (tmp_path / "tiny").mkdir()
@@ -407,3 +409,65 @@ def test_results_say_what_the_files_hold(found, small_set):
     assert difference.value == pytest.approx(loaded.mean("sido") - loaded.mean("sfnet"))
     assert list(loaded.rows(3, "sido")) == ["sido"] and loaded.rows(3)["sido"].line.count("±") == 4
     assert "SIDO" in repr(loaded.table(3)) and "<table>" in loaded.differences(3)._repr_html_()
+
+
+@pytest.mark.parametrize(
+    "tried, said",
+    [
+        ([], r"runs \[\] given; a table is needed"),
+        ({"sfnet": [0.001]}, "runs.sfnet .0.001. given; a table is needed"),
+        ({"sfnet": {"fast": {"mae": 1}}}, "could not convert string to float: 'fast'"),
+        ({"sfnet": {"-1": {"mae": 1}}}, "rate in runs.sfnet -1.0 given; a positive number"),
+        ({"sfnet": {"0.001": {}}}, "no runs.sfnet.0.001.mae"),
+        ({"sfnet": {"0.001": {"mae": "1"}}}, "runs.sfnet.0.001.mae '1' given"),
+    ],
+)
+def test_rates_of_another_structure(tried, said, tmp_path):
+    path = tmp_path / "rates.json"
+    path.write_text(json.dumps({"runs": tried}))
+    with pytest.raises(ValueError, match=f"{path} is cut or no file of results .*{said}.*; remove"):
+        rates.best_learning_rate(path, "sfnet")
+
+
+@pytest.mark.parametrize(
+    "place, value, said",
+    [
+        (("seed",), "0", "seed '0' given; a whole number of 0 or more is needed"),
+        (("data",), ["a"], "data .'a'. given; a text is needed"),
+        (("seconds",), math.nan, "seconds nan given"),
+        (("history",), {"epoch": 1}, "history .* given; a list is needed"),
+        (
+            ("splits", "test", "measures", "mae_rad"),
+            [1, 2],
+            "mae_rad .1, 2. given; a list of 3",
+        ),
+        (("splits", "test", "inspection"), [{}], "no splits.test.inspection.0.classes"),
+        (("splits", "test", "models"), [1], "not as many sums of test as models"),
+        (("conditions", "noise 4", "sums"), {}, "no conditions.noise 4.sums.rad"),
+        (("method", "base"), "8", "of no method of this version .base '8' given"),
+        (("settings", "augmentation"), 3, "settings.augmentation 3 given; a table is needed"),
+    ],
+)
+def test_a_result_of_another_structure(place, value, said, tmp_path):
+    stored = json.loads((STORED / "tiny" / "sfnet.json").read_bytes())
+    *way, last = place
+    reduce(lambda at, key: at[key], way, stored)[last] = value
+    (tmp_path / "sfnet.json").write_text(json.dumps(stored))
+    with pytest.raises(ValueError, match=f"sfnet.json is .*{said}"):
+        results.read_result(tmp_path / "sfnet.json")
+
+
+def test_errors_of_views_that_are_cut_or_of_other_views(tmp_path):
+    for name in ("views.npz", "sfnet.npz"):
+        shutil.copy(STORED / "tiny" / name, tmp_path)
+    loaded = results.Results("", tmp_path, {}, {})
+    view = loaded.views[0]
+    np.savez(tmp_path / "sfnet.npz", **{str(view.number): np.zeros(3)})
+    with pytest.raises(ValueError, match=f"sfnet.npz has not .* errors of view {view.number}"):
+        view.error("sfnet")
+    (tmp_path / "sfnet.npz").write_bytes((tmp_path / "sfnet.npz").read_bytes()[:-9])
+    with pytest.raises(ValueError, match="sfnet.npz is cut or no file of arrays"):
+        view.error("sfnet")
+    np.savez(tmp_path / "views.npz", **{"7-mask": np.ones((2, 2), bool)})
+    with pytest.raises(ValueError, match="views.npz has not all of view 7"):
+        _ = results.Results("", tmp_path, {}, {}).views

@@ -18,12 +18,14 @@ from fpputil.learning.weights import (
     read_metrics,
     save_weights,
     write_metrics,
+    write_tensors,
 )
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod
 
 METHOD = SFNetMethod(base=2, levels=3, mixing="every level", weights=Weights(order=False))
-ABOUT = {"pitches": {"high": 24, "zmin": 304}, "camera": [120, 160], "extremes": [0.0, 244.0]}
+PITCHES = {"high": 24, "mid": 114, "zmin": 304, "unit": 912}
+ABOUT = {"pitches": PITCHES, "camera": [120, 160], "extremes": [0.0, 244.0]}
 
 
 @pytest.fixture
@@ -41,13 +43,14 @@ def saved(tmp_path, trained):
 
 def about_in(path):
     with safetensors.safe_open(path, "pt") as file:
-        return json.loads(file.metadata()["metadata"])
+        about = json.loads(file.metadata()["metadata"])
+    return {k: v for k, v in about.items() if k != "sha256"}
 
 
 def rewrite(path, tensors=None, **about):
     """The file again with other tensors, or other entries beside them."""
-    text = json.dumps({**about_in(path), **about})
-    save_file(load_file(path) if tensors is None else tensors, path, {"metadata": text})
+    tensors = load_file(path) if tensors is None else tensors
+    write_tensors(path, tensors, {**about_in(path), **about})  # with the SHA-256 of these
 
 
 @pytest.mark.parametrize("dtype", [torch.float16, torch.float32, torch.bfloat16])
@@ -190,6 +193,18 @@ def with_method(**changes):
     return lambda path: rewrite(path, method={**about_in(path)["method"], **changes})
 
 
+def flipped(path):
+    """A bit of the last weight, which stays finite."""
+    data = bytearray(path.read_bytes())
+    data[-2] ^= 1
+    path.write_bytes(data)
+
+
+def altered(path):
+    """A pitch of the metadata."""
+    path.write_bytes(path.read_bytes().replace(b'zmin\\": 304', b'zmin\\": 305'))
+
+
 BIAS = "decoders.1.out.bias"
 CANNOT_BE_LOADED = [
     (lambda path: path.write_bytes(path.read_bytes()[:-1]), "is cut or not a safetensors file"),
@@ -207,6 +222,15 @@ CANNOT_BE_LOADED = [
     (with_tensors(lambda tensors: tensors.update(more=torch.zeros(2))), "does not fit .*: more"),
     (with_tensors(lambda tensors: tensors.update({BIAS: torch.zeros(())})), "does not fit"),
     (with_tensors(lambda tensors: tensors[BIAS].fill_(math.nan)), "weights that are not finite"),
+    (flipped, "is not as it was written: its SHA-256 is another"),
+    (altered, "is not as it was written: its SHA-256 is another"),
+    (with_method(base=2**40), "describes no method of this version: Storage size"),
+    (with_method(levels=10**6), "levels 1000000 given; a whole number from 2 to 16 is needed"),
+    (lambda path: rewrite(path, pitches={"high": 24}), "for no system that there is: no pitches.m"),
+    (lambda path: rewrite(path, pitches=[24]), r"pitches \[24\] given; a table is needed"),
+    (lambda path: rewrite(path, camera=[120, "160"]), "camera.1 '160' given; a whole number of 1"),
+    (lambda path: rewrite(path, extremes=[1.0]), "a list of 2 is needed"),
+    (lambda path: rewrite(path, extremes=[0, math.nan]), "extremes.1 nan given; a finite number"),
 ]
 
 
@@ -222,9 +246,15 @@ def drop(tensors):
     del tensors["optimiser.0.exp_avg"]
 
 
+def unsealed(path):
+    save_file(load_file(path), path, {"metadata": json.dumps(about_in(path))})
+
+
 CANNOT_BE_RESTORED = [
     (lambda path: path.write_bytes(path.read_bytes()[:-1]), "is cut or not a checkpoint"),
     (foreign, "is not a checkpoint of this version"),
+    (flipped, "is not as it was written: its SHA-256 is another"),
+    (unsealed, "is not a checkpoint of this version"),
     (with_tensors(drop), "does not fit this network: optimiser.0.exp_avg and 0 more"),
     (with_tensors(lambda t: t.update({f"network.{BIAS}": torch.zeros(3)})), "does not fit"),
 ]
@@ -236,6 +266,17 @@ def test_checkpoints_that_cannot_be_restored(checkpoint, damage, words):
     damage(path)
     with pytest.raises(ValueError, match=f"{path} {words}"):
         restore(path, *another())
+
+
+def test_weights_that_no_sha_was_written_for_are_read(saved):
+    unsealed(saved)
+    assert load_weights(saved).metadata == ABOUT
+
+
+def test_a_name_that_is_not_utf8_is_read(tmp_path, trained):
+    path = tmp_path / os.fsdecode(b"caf\xe9.safetensors")
+    save_weights(path, trained)
+    assert load_weights(path).metadata == ABOUT
 
 
 def test_names_and_missing_files(tmp_path, trained):

@@ -1,5 +1,6 @@
 """What cannot be is refused, and the error says what was given and what is needed."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from fpputil.optics.fringes import Fringe, fringe_set
 from fpputil.optics.parts import family_of
 from fpputil.optics.pinhole import Pinhole, camera_matrix, looking
 from fpputil.optics.raycasting import raycast
-from fpputil.optics.system import System, load_system, preset, table2
+from fpputil.optics.system import System, load_system, preset, system_to_dict, table2
 from fpputil.optics.view import View
 
 K = camera_matrix(900, 640, 480)
@@ -48,6 +49,13 @@ REFUSED = [
     (lambda: Fringe("15"), "pitch '15' given"),
     (lambda: Fringe(15, 2), "2 steps given; .* a whole number of 3 steps or more"),
     (lambda: Fringe(15, 5.0), "5.0 steps given"),
+    (lambda: Fringe(15, True), "True steps given"),
+    (lambda: Fringe(True), "pitch True given"),
+    (lambda: Fringe(10**400), "pitch 1000"),
+    (
+        lambda: Fringe(15, 10**6),
+        "steps 1000000 given; more than 16384 are refused, unless",
+    ),
     (lambda: Fringe(15, axis="x"), "axis 'x' given; fringes vary along 'column' or 'row'"),
     (lambda: Fringe(15, gamma=np.nan), "gamma nan given"),
     (lambda: Fringe(15, levels=1), "levels 1 given"),
@@ -56,6 +64,8 @@ REFUSED = [
     (lambda: fringe_set((15, 114), (3,)), "2 pitches and 1 step counts given"),
     (lambda: VIEW.frames(()), "no fringe given"),
     (lambda: VIEW.frames(Fringe(15), steps=[15]), "steps .15. given; .* steps 0 to 14"),
+    (lambda: VIEW.frames(Fringe(15), steps=[1.0]), "steps .1.0. given; .* steps 0 to 14"),
+    (lambda: VIEW.frames(Fringe(15), steps=[True]), "steps .True. given"),
     (lambda: VIEW.photograph(256), "light 256.0 to 256.0 given; a projector sends 0 to 255"),
     (lambda: VIEW.plain(noise=-1.0, seed=0), "noise -1.0 given"),
     (lambda: VIEW.plain(noise=1.0), "noise 1.0 without a seed given"),
@@ -77,6 +87,11 @@ REFUSED = [
     (lambda: replace(EYE, distortion=(0.1, 0.2)), "2 distortion coefficients given"),
     (lambda: replace(EYE, width=640.5), "width 640.5 given"),
     (lambda: replace(EYE, height="480"), "height '480' given"),
+    (
+        lambda: replace(EYE, width=100_000, height=100_000),
+        "100000 x 100000 pixels, in all 10000000000 given; more than 268435456 are refused, unless "
+        "the environment variable FPP_MOST_PIXELS says otherwise",
+    ),
     (lambda: looking((1, 2, 3), (1, 9, 3), (8, 6), 30.0), "must not be zero or along y"),
     (lambda: looking((0, 0, 0), (0, 0, 1), (8, 6), 180.0), "angle 180.0 given"),
     (lambda: System(EYE, EYE, 500, 400), "measuring range 500 to 400 mm given"),
@@ -108,6 +123,7 @@ REFUSED = [
     (lambda: raycast(WALL, TINY, shininess=0), "shininess 0 given"),
     (lambda: raycast(WALL, TINY, white_at=-1.0), "white_at -1.0 given"),
     (lambda: raycast(WALL, TINY, supersample=1.5), "supersample 1.5 given"),
+    (lambda: raycast(WALL, TINY, supersample=10**4), "1600000 x 1200000 pixels"),
     (lambda: by_blender(trimesh.Trimesh()), "mesh has no faces"),
     (lambda: by_blender(system=with_("camera", distortion=LENS)), "the ray caster has both"),
     (
@@ -137,3 +153,53 @@ REFUSED = [
 def test_it_is_refused(call, words):
     with pytest.raises((ValueError, FileNotFoundError), match=words):
         call()
+
+
+def test_a_limit_is_raised_by_the_environment(monkeypatch):
+    monkeypatch.setenv("FPP_MOST_PIXELS", str(10**10))
+    assert replace(EYE, width=100_000, height=100_000).width == 100_000
+    monkeypatch.setenv("FPP_MOST_PIXELS", "many")
+    with pytest.raises(ValueError, match="FPP_MOST_PIXELS 'many' found in the environment"):
+        Pinhole(640, 480, K)
+    monkeypatch.setenv("FPP_MOST_PIXELS", "100")
+    with pytest.raises(ValueError, match="640 x 480 pixels, in all 307200 given; more than 100"):
+        Pinhole(640, 480, K)
+
+
+SYSTEM = system_to_dict(TINY)
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"z_min": "480"}, "z_min '480' given; a positive number is needed"),
+        ({"z_min": True}, "z_min True given"),
+        ({"depth": 1}, "depth is not known"),
+        ({"camera": []}, r"camera \[\] given; a table is needed"),
+        ({"camera": {**SYSTEM["camera"], "t": ["0", 0, 0]}}, "camera.t.0 '0' given; a finite"),
+        ({"camera": {**SYSTEM["camera"], "t": [0, 0]}}, "camera.t .0, 0. given; a list of 3"),
+        ({"camera": {**SYSTEM["camera"], "distortion": [None] * 4}}, "camera.distortion.0 None"),
+        ({"camera": {**SYSTEM["camera"], "R": None}}, "camera.R None given; a list of 3 is needed"),
+        ({"projector": {**SYSTEM["projector"], "width": 10**9}}, "1000000000 x 1140 pixels"),
+    ],
+)
+def test_a_system_file_of_another_structure(change, words, tmp_path):
+    path = tmp_path / "system.json"
+    path.write_text(json.dumps({**SYSTEM, **change}))
+    with pytest.raises(ValueError, match=f"{path} given; .*{words}"):
+        load_system(path)
+
+
+def test_a_system_file_without_an_end(tmp_path):
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    with pytest.raises(ValueError, match="deep.json given; .*RecursionError"):
+        load_system(tmp_path / "deep.json")
+    (tmp_path / "deep.yml").write_text("%YAML:1.0\n---\na: " + "[" * 100_000)
+    with pytest.raises(ValueError, match="deep.yml given; .*100017 letters; at most 20000"):
+        load_system(tmp_path / "deep.yml")
+
+
+def test_a_mesh_too_far_away_to_be_read(tmp_path):
+    (tmp_path / "far.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1e11 0\n3 0 1 2\n")
+    with pytest.raises(ValueError, match=r"far.off has a coordinate of 1e\+11; up to 1e\+10 are"):
+        shapes.load_mesh(tmp_path / "far.off")

@@ -1,6 +1,7 @@
 """Shapes: closed, repeatable, different in topology, and inside the view in every pose."""
 
 import hashlib
+import os
 import pickle
 
 import numpy as np
@@ -294,3 +295,14 @@ def test_parts_stay_closed_through_a_file(suffix, tmp_path):
         read = shapes.load_mesh(tmp_path / f"part.{suffix}")
         assert read.is_watertight, (seed, suffix)
         assert abs(read.volume / mesh.volume - 1) < 1e-5
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "off", "glb", "npz"])
+def test_a_mesh_whose_name_is_not_utf8_is_read(suffix, tmp_path):
+    ball, plain = shapes.sphere(subdivisions=1), tmp_path / f"ball.{suffix}"
+    if suffix == "npz":
+        np.savez(plain, vertices=ball.vertices, facets=ball.faces)
+    else:
+        ball.export(plain)
+    path = plain.rename(tmp_path / os.fsdecode(b"caf\xe9." + suffix.encode()))
+    assert len(shapes.load_mesh(path).faces) == 80

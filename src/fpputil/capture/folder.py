@@ -14,7 +14,7 @@ from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
 from fpputil.capture.diagnosis import Finding, diagnose
-from fpputil.capture.measurement import Measurement, measure
+from fpputil.capture.measurement import Measurement, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.decoding.triangulation import depth_of
@@ -99,6 +99,8 @@ def decode_folder(
     """
     start, folder = time.perf_counter(), Path(folder)
     capture = open_capture(folder, patterns, full)
+    if system is not None:
+        check_size(system, capture.size)
     folder = folder if folder.name else folder.absolute()  # "." has no name
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     with folder_whole(out, "fpp decode", force, [folder]) as partial:

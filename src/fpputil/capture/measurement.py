@@ -179,7 +179,10 @@ def measure(
     """
     threshold = not_negative("threshold", threshold, "grey levels")
     patterns = capture.patterns
-    unwrapped = unwrapper(patterns, axis, system, capture.size)
+    try:
+        unwrapped = unwrapper(patterns, axis, system, capture.size)
+    except ValueError as error:
+        raise ValueError(f"{capture.folder}: {error}") from error
     fringes = tuple(patterns.along(axis).values())
     fits, sample, gamma = _read(capture, axis, gamma, each)
     if noise is None:
@@ -225,11 +228,7 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
             f'unwrap "minimum" with {lack} given; the minimum phase needs a calibrated system '
             "and vertical fringes"
         )
-    if (system.camera.height, system.camera.width) != size:
-        raise ValueError(
-            f"a system of {system.camera.width} x {system.camera.height} pixels given; the "
-            f"photographs have {size[1]} x {size[0]}"
-        )
+    check_size(system, size)
     unwrap.check_pitches(pitches, pitches)
     Phi_min = minimum_phase(system, pitches[0]).astype(np.float32)
 
@@ -241,6 +240,16 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
         return Phis
 
     return unwrapped
+
+
+def check_size(system: System, size: tuple[int, int]) -> None:
+    """ValueError unless photographs (height, width) are of the system's camera."""
+    camera = system.camera
+    if (camera.height, camera.width) != size:
+        raise ValueError(
+            f"a system of {camera.width} x {camera.height} pixels given; the photographs have "
+            f"{size[1]} x {size[0]}"
+        )
 
 
 def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.ndarray], float]:

@@ -13,12 +13,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from math import prod
 from numbers import Integral
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from fpputil.checks import at_most
 from fpputil.decoding.unwrap import TEMPORAL
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE, Fringe
@@ -26,7 +28,7 @@ from fpputil.optics.fringes import WHITE, Fringe
 NAME = "patterns.toml"
 UNWRAP = (*TEMPORAL, "minimum")
 ORDERS = ("fringe", "step")
-LARGEST = 2**15  # of a projector's sides and of the steps of a fringe: more is a slip of the hand
+LARGEST = 2**15  # of a projector's sides: more is a slip of the hand
 FORMATS = {"axis": "s", "pitch": "g", "step": "d", "number": "d"}
 FIELD = re.compile(r"\{(axis|pitch|step|number)(?::(0?[1-9]))?\}")
 KEYS = ("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "fringes")
@@ -99,6 +101,8 @@ class Patterns:
         for name, (fits, needed) in NEEDED.items():
             if not fits(value := getattr(self, name)):
                 raise ValueError(f"{name} {value!r} given; {needed}")
+        at_most("pixels of the projector", prod(self.projector), "FPP_MOST_PIXELS")
+        at_most("photographs", sum(f.steps for f in self.fringes), "FPP_MOST_PHOTOGRAPHS")
         axes = [self.axes.index(f.axis) for f in self.fringes]
         if axes != sorted(axes):
             raise ValueError("fringes of both axes mixed; those of one axis stand together")
@@ -230,8 +234,8 @@ NEEDED = {
         f"width and height, 1 to {LARGEST} pixels each, are needed",
     ),
     "fringes": (
-        lambda v: v and all(isinstance(f, Fringe) and f.steps <= LARGEST for f in v),
-        f"one Fringe or more, each of up to {LARGEST} steps, is needed",
+        lambda v: v and all(isinstance(f, Fringe) for f in v),
+        "one Fringe or more is needed",
     ),
     "unwrap": (lambda v: v in UNWRAP, f"one of {', '.join(UNWRAP)} is needed"),
     "shift": (lambda v: _is_whole(v, -1, 1) and v != 0, "one of 1, -1 is needed"),

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import io
+import logging
+import math
 import os
+import struct
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+import tifffile
 
 from fpputil.capture.patterns import NAME, Patterns, Shot
-from fpputil.checks import positive
+from fpputil.checks import at_most, one_line, positive
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE
 
 SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
 READ = ", ".join(suffix[1:] for suffix in SUFFIXES)
+
+# What is wrong with a file is told by an error, and only once.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+cv2.setLogLevel(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,17 +187,15 @@ def _pixels(path: Path) -> np.ndarray:
     """(H, W), or (H, W, 3) with red first, checked."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such photograph")
-    data, is_array = np.fromfile(path, np.uint8), _is_array(path)
-    try:  # of bytes: OpenCV cannot open a file whose name is not UTF-8
-        if is_array:
-            image = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-        elif (image := cv2.imdecode(data, cv2.IMREAD_UNCHANGED)) is None:
-            raise ValueError("OpenCV does not read it")
+    is_array = _is_array(path)
+    try:
+        image = _array(path) if is_array else _image(path)
     except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
         kind = "an array of numbers" if is_array else "an image"
-        raise ValueError(f"{path} is cut, or not {kind} ({error})") from error
+        raise ValueError(f"{path} is cut, or not {kind} ({one_line(error)})") from error
     if image.dtype.kind == "f":
-        image = image.astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused
+            image = image.astype(np.float32, copy=False)
     elif image.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"{path} has dtype {image.dtype}; uint8, uint16 or floats are read")
     if not image.size or image.shape[2:] not in ((), (1,), (3,), (4,)) or image.ndim == 1:
@@ -199,6 +206,46 @@ def _pixels(path: Path) -> np.ndarray:
     if not np.isfinite(image).all():
         raise ValueError(f"{path} has pixels that are NaN or infinite; photograph again")
     return np.ascontiguousarray(image)
+
+
+def _array(path: Path) -> np.ndarray:
+    """A .npy file; one whose head promises more than there is cannot be mapped."""
+    array = np.lib.format.open_memmap(path, mode="r")
+    at_most("pixels", math.prod(array.shape[:2]), "FPP_MOST_PIXELS")
+    return np.array(array, array.dtype.newbyteorder("="))
+
+
+def _image(path: Path) -> np.ndarray:
+    data = path.read_bytes()  # for OpenCV cannot open a file whose name is not UTF-8
+    at_most("pixels", _promised(data), "FPP_MOST_PIXELS")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise ValueError("OpenCV does not read it")
+    return image
+
+
+def _promised(data: bytes) -> int:
+    """Number of pixels by the head of an image."""
+    if data.startswith(b"\x89PNG"):
+        _check_chunks(data)
+        width, height = struct.unpack_from(">II", data, 16)
+    elif data.startswith(b"BM"):
+        width, height = struct.unpack_from("<HH" if data[14] == 12 else "<ii", data, 18)
+    else:
+        with tifffile.TiffFile(io.BytesIO(data)) as file:
+            width, height = file.pages[0].imagewidth, file.pages[0].imagelength
+    return abs(width * height)
+
+
+def _check_chunks(data: bytes) -> None:
+    """ValueError unless the chunks of a PNG are whole: OpenCV takes memory for all they promise."""
+    at, kind, view = 8, b"", memoryview(data)
+    while kind != b"IEND":
+        length, kind = struct.unpack_from(">I4s", data, at)
+        end = at + 8 + length
+        if zlib.crc32(view[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            raise ValueError(f"the CRC at {end} is wrong")
+        at = end + 4
 
 
 def _there(folder: Path) -> Path:

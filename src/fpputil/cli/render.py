@@ -37,7 +37,9 @@ def render(
     ] = None,
     size: Annotated[float | None, option("Scale mesh or part to this diameter, mm.")] = None,
     distance: Annotated[float, option("Of its middle from the camera, mm.")] = 660.0,
-    turn: Annotated[tuple[float, float], option("About the paper's y and z, degrees.")] = (0, 0),
+    turn: Annotated[
+        tuple[float, float] | None, option("Mesh or part about the paper's y and z, degrees.")
+    ] = None,
     square: Square = 25.0,
     kind: Kind = "chessboard",
     poses: Annotated[int, option("Of the board.")] = 12,
@@ -59,6 +61,9 @@ def render(
     from fpputil.checks import whole
     from fpputil.files import folder_whole
 
+    if mesh is None and part is None and (size, turn) != (None, None):
+        name = "--turn" if size is None else "--size"
+        raise ValueError(f"{name} given; it is for --mesh and --part")
     shapes = optics.shapes
     shown, rig = capture.Patterns.load(patterns), optics.load_system(system)
     centre = rig.camera.R.T @ ([0, 0, distance] - rig.camera.t)
@@ -78,7 +83,7 @@ def render(
             yield "", shapes.sphere(sphere, centre), 0.9
         else:
             body = shapes.part(part) if mesh is None else shapes.load_mesh(mesh)
-            yield "", shapes.place(body, size, centre, shapes.rotation(*turn)), 0.9
+            yield "", shapes.place(body, size, centre, shapes.rotation(*(turn or (0, 0)))), 0.9
 
     inputs = [file for file in (patterns, mesh) if file is not None]
     with folder_whole(out, "fpp render", force, inputs) as folder:

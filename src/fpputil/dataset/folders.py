@@ -7,7 +7,6 @@ Chapter 7.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,6 +15,7 @@ import cv2
 import numpy as np
 
 from fpputil.capture.photographs import read_photograph
+from fpputil.checks import anything, one_line, one_or_more, parse_json
 from fpputil.dataset import layout
 from fpputil.dataset.generation import fill, new_plan, portable, split_by_model
 from fpputil.dataset.store import open_store
@@ -23,9 +23,23 @@ from fpputil.decoding.decoder import decode
 from fpputil.decoding.geometric_constraint import minimum_phase
 from fpputil.decoding.triangulation import column, depth_of, triangulate
 from fpputil.optics.fringes import Fringe
-from fpputil.optics.system import FREQUENCIES, STEPS, System, system_from_dict, system_to_dict
+from fpputil.optics.system import FORM as SYSTEM
+from fpputil.optics.system import (
+    FREQUENCIES,
+    PITCHES,
+    STEPS,
+    System,
+    system_from_dict,
+    system_to_dict,
+)
 
 INDEX = "scenes.json"
+FORM = {
+    "system": SYSTEM,
+    "pitches": PITCHES,
+    "steps": dict.fromkeys(FREQUENCIES, one_or_more),
+    ...: anything,
+}
 UNFINISHED = "unfinished.json"  # says what an export is of; gone once all of it is there
 AT_ONCE = 12  # scenes that a worker holds in memory
 
@@ -108,7 +122,6 @@ def import_folder(
     """
     folder = Path(folder)
     index, system, fringes = _read_index(folder)
-    minimum_phase(system, index["pitches"]["zmin"])  # raises if the range is too long for it
     models = _models(folder, _objects(folder, index.get("scenes")), seed)
     views = max(len(m["scenes"]) for m in models)
     settings = {"preset": "imported", "views": views, "seed": seed}
@@ -120,15 +133,17 @@ def import_folder(
 def _read_index(folder: Path) -> tuple[dict, System, list[Fringe]]:
     """What ``scenes.json`` holds, and system and fringes out of it."""
     try:
-        index = json.loads((folder / INDEX).read_bytes())
+        index = parse_json((folder / INDEX).read_bytes(), FORM)
         fringes = [Fringe(index["pitches"][f], index["steps"][f]) for f in FREQUENCIES]
-        return index, system_from_dict(index["system"]), fringes
+        system = system_from_dict(index["system"])
+        minimum_phase(system, index["pitches"]["zmin"])  # raises if the range is too long for it
+        return index, system, fringes
     except FileNotFoundError:
         raise ValueError(f"{folder} holds no {INDEX}; it names system, pitches and steps") from None
-    except (KeyError, TypeError, ValueError) as error:
+    except ValueError as error:
         raise ValueError(
-            f"{folder / INDEX} is not whole ({type(error).__name__}: {error}); it names the "
-            f"system, and pitches and steps of {', '.join(FREQUENCIES)}"
+            f"{folder / INDEX} is not whole ({one_line(error)}); it names the system, and pitches "
+            f"and steps of {', '.join(FREQUENCIES)}"
         ) from error
 
 
@@ -137,17 +152,21 @@ def _objects(folder: Path, scenes: dict | None) -> dict[str, tuple[list[str], st
     if scenes is None:
         scenes = {f.name: {} for f in sorted(folder.iterdir()) if any(f.glob("*.png"))}
     if not isinstance(scenes, dict) or not all(isinstance(v, dict) for v in scenes.values()):
-        raise ValueError(f"scenes of {INDEX} is no table; it gives each folder's object and split")
+        raise ValueError(
+            f"scenes in {folder / INDEX} is no table; it gives each folder's object and split"
+        )
     objects: dict[str, tuple[list[str], str | None]] = {}
     for scene, entry in sorted(scenes.items()):
-        split = entry.get("split")
+        split, where = entry.get("split"), f"in {folder / INDEX}"
+        if scene != Path(scene).name or not scene.isprintable():
+            raise ValueError(f"scene {scene!r} given {where}; a folder beside it is needed")
         if split not in (None, *layout.SPLITS):
-            raise ValueError(
-                f"split {split!r} given for {scene}; the splits are {', '.join(layout.SPLITS)}"
-            )
+            splits = ", ".join(layout.SPLITS)
+            raise ValueError(f"split {split!r} given for {scene} {where}; the splits are {splits}")
         folders, before = objects.setdefault(str(entry.get("object", scene)), ([], split))
         if split != before:
-            raise ValueError(f"{folders[0]} and {scene} show one object; they belong in one split")
+            names = f"{folders[0]} and {scene} {where}"
+            raise ValueError(f"{names} show one object; they belong in one split")
         folders.append(scene)
     if not objects:
         raise ValueError(f"{folder} holds no scene; each is a folder of PNG files")

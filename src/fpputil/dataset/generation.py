@@ -285,8 +285,9 @@ def _finished(out: Path, plan: dict) -> dict[int, dict]:
 
 def faults(path: Path, manifest: dict, number: int, record: dict) -> list[str]:
     """What is wrong with the shards of a model, or with what its record says of them."""
-    wrong = []
-    for name, shard in record["shards"].items():
+    known = {layout.shard_name(manifest, name, number) for name in layout.arrays(manifest)}
+    wrong = [f"{name}: not part of the dataset" for name in record["shards"] if name not in known]
+    for name, shard in record["shards"].items() if not wrong else ():
         try:
             data = (path / name).read_bytes()
             if (layout.digest(data), len(data)) != (shard["sha256"], shard["bytes"]):

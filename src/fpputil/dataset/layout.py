@@ -19,7 +19,21 @@ from numcodecs.checksum32 import CRC32C
 from zarr.codecs import BloscCodec, Crc32cCodec
 from zarr.storage import MemoryStore
 
+from fpputil.checks import (
+    anything,
+    conform,
+    finite,
+    natural,
+    one_line,
+    one_or_more,
+    or_null,
+    parse_json,
+    positive,
+    text,
+)
 from fpputil.files import write_whole
+from fpputil.optics.system import FORM as SYSTEM
+from fpputil.optics.system import PITCHES
 
 FORMAT, VERSION = "SynthFringe", 1
 MANIFEST, LOCK = "manifest.json", ".lock"
@@ -30,6 +44,33 @@ PLAN = ("settings", "system", "pitches", "frames", "models")
 SPLITS = ("training", "validation", "test", "held-out")
 NO_CHUNK = 2**64 - 1  # Zarr's mark of an empty chunk
 blosc.use_threads = False  # pictures are small, and threads do not survive the fork of a worker
+
+
+def _split(name: str, value) -> None:
+    if value not in SPLITS:
+        raise ValueError(f"{name} {value!r} given; the splits are {', '.join(SPLITS)}")
+
+
+SHARD = {"bytes": natural, "sha256": text}
+RECORD = {"shards": {...: SHARD}, "lit": [natural], "white": natural, "notes": [text]}
+VIEWS = {"lit": [natural], "pose": [(finite, finite)], "noise_seed": [natural]}
+FORM = {
+    "settings": {
+        "preset": text,
+        **dict.fromkeys(("models", "views", "least"), one_or_more),
+        ...: anything,
+    },
+    "system": SYSTEM,
+    "pitches": PITCHES,
+    "frames": [{"pitch": positive, "steps": one_or_more}],
+    "models": [{"name": text, "split": _split, ...: anything}],
+    "versions": {...: text},
+    "records": [{**RECORD, ...: anything}],
+    "extremes": or_null((finite, finite)),
+    "content": text,
+    ...: anything,
+}
+"""Of a finished manifest; of `VIEWS` records hold one each a view, if they do."""
 
 KINDS = {"column": "float32", "shade": "float16", "depth": "float32", "mask": "bool"}
 """Arrays of a view and their types. A shade of float16 is good to 1 part in 2000, a tenth of a
@@ -108,14 +149,26 @@ def read_array(path: Path, manifest: dict, name: str, number: int, view: int) ->
     Zarr library takes 3 ms to come to a chunk, ten times what is in it; a test holds both equal.
     """
     dtype, empty, (_, views, *shape) = arrays(manifest)[name]
-    with path.joinpath(name, "c", str(number), *["0"] * len(shape)).open("rb") as shard:
-        shard.seek(-(16 * views + 4), 2)
-        offset, size = _checked(shard.read()).view("<u8").reshape(views, 2)[view]
+    image = np.full(shape, empty, dtype)
+    with path.joinpath(shard_name(manifest, name, number)).open("rb") as shard:
+        end = shard.seek(-(16 * views + 4), 2)
+        offset, size = map(int, _checked(shard.read()).view("<u8").reshape(views, 2)[view])
         if size == NO_CHUNK:
-            return np.full(shape, empty, dtype)
-        shard.seek(int(offset))
-        data = blosc.decompress(_checked(shard.read(int(size))))
-    return np.frombuffer(data, dtype).reshape(shape)
+            return image
+        if offset + size > end:
+            raise ValueError(f"a chunk at {offset} of {size} bytes in a shard of {end}")
+        shard.seek(offset)
+        data = _checked(shard.read(size)).tobytes()
+    held, length = (int.from_bytes(data[k : k + 4], "little") for k in (4, 12))  # by Blosc's head
+    if (held, length) != (image.nbytes, len(data)):
+        raise ValueError(f"a chunk of {held} bytes in {length}, not {image.nbytes} in {len(data)}")
+    blosc.decompress(data, image)
+    return image
+
+
+def shard_name(manifest: dict, name: str, number: int) -> str:
+    """File, below the dataset, of an array's views of model `number`."""
+    return "/".join([name, "c", str(number), *["0"] * (len(arrays(manifest)[name][2]) - 2)])
 
 
 def _checked(data: bytes) -> np.ndarray:
@@ -144,8 +197,8 @@ def content(records: Sequence[dict]) -> str:
 
 def plan_name(manifest: dict) -> str:
     """SHA-256 of what decides the content of a dataset, numbers to nine decimals."""
-    text = dumps({name: manifest[name] for name in PLAN})
-    return digest(dumps(json.loads(text, parse_float=lambda x: round(float(x), 9) + 0.0)))
+    plan = dumps({name: manifest[name] for name in PLAN})
+    return digest(dumps(json.loads(plan, parse_float=lambda x: round(float(x), 9) + 0.0)))
 
 
 def read_manifest(path: str | Path) -> dict:
@@ -154,13 +207,35 @@ def read_manifest(path: str | Path) -> dict:
     if not path.is_dir():
         raise FileNotFoundError(f"{path} given; there is no such folder, a dataset is one")
     try:
-        manifest = json.loads((path / MANIFEST).read_bytes())
-        kind, version = manifest["format"], manifest["version"]
+        form = {"format": anything, "version": anything, ...: anything}
+        manifest = parse_json((path / MANIFEST).read_bytes(), form)
     except FileNotFoundError:
         raise ValueError(f"{path} holds no {MANIFEST}; it is not a dataset") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path / MANIFEST} is damaged ({error}); generate anew") from error
+    except ValueError as error:
+        raise ValueError(damaged(path, error)) from error
+    kind, version = manifest["format"], manifest["version"]
     if kind != FORMAT or version != VERSION:
         needed = f"{FORMAT!r} {VERSION} is needed, newer ones are read by a newer library"
         raise ValueError(f"{path} is of format {kind!r} {version}; {needed}")
     return manifest
+
+
+def check_manifest(manifest: dict) -> None:
+    """ValueError that names the entry which a finished manifest lacks, or has otherwise."""
+    conform("", manifest, FORM)
+    settings, records = manifest["settings"], manifest["records"]
+    lengths = [settings["models"], len(manifest["models"]), len(records)]
+    if len(set(lengths)) > 1:
+        raise ValueError("settings.models {}, {} models, {} records".format(*lengths))
+    for number, record in enumerate(records):
+        for name in VIEWS.keys() & record.keys():
+            conform(f"records.{number}.{name}", record[name], VIEWS[name])
+            if (held := len(record[name])) != settings["views"]:
+                raise ValueError(f"{held} entries in records.{number}.{name}")
+    if (held := len(manifest["frames"])) not in (0, len(PITCHES)):
+        raise ValueError(f"{held} entries in frames")
+
+
+def damaged(path: Path, error: Exception) -> str:
+    """How a dataset is refused whose manifest is not whole."""
+    return f"{path / MANIFEST} is damaged ({one_line(error)}); generate anew"

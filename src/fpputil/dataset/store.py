@@ -140,15 +140,27 @@ def open_store(path: str | Path) -> Store:
     >>> store.view(0).mask.shape
     (120, 160)
     """
+    store = _finished(path)
+    try:
+        _check(store)
+    except ValueError as error:
+        raise ValueError(layout.damaged(store.path, error)) from error
+    return store
+
+
+def _finished(path: str | Path) -> Store:
     path, manifest = Path(path), layout.read_manifest(path)
     if not manifest.get("complete"):
         raise ValueError(
             f"{path} is not finished; run the command that generates it again, it goes on"
         )
-    needed = (*layout.PLAN, "records", "extremes", "content")
-    if lacking := [name for name in needed if name not in manifest]:
-        raise ValueError(f"{path / layout.MANIFEST} is damaged (no {lacking[0]}); generate anew")
     return Store(path, manifest)
+
+
+def _check(store: Store) -> None:
+    """ValueError unless a manifest is whole, with a system and fringes that can be."""
+    layout.check_manifest(store.manifest)
+    _ = store.system, store.fringes
 
 
 def check_files(path: str | Path) -> list[str]:
@@ -162,9 +174,10 @@ def check_files(path: str | Path) -> list[str]:
     """
     from fpputil.dataset.generation import complete, faults
 
-    store = open_store(path)
+    store = _finished(path)
     manifest, wrong, changed = store.manifest, [], "not as it was written"
     try:
+        _check(store)
         for number, record in enumerate(manifest["records"]):
             wrong += faults(store.path, manifest, number, record)
         if not wrong and complete(store.path, manifest, manifest["records"]) != manifest:

@@ -51,6 +51,11 @@ def minimum_phase(
     lit = np.clip(columns, -0.5, system.projector.width - 0.5)  # what the projector can light
     near, far = TWO_PI * lit / pitch
     span = np.abs(far - near)
+    if np.isnan(span).all():
+        raise ValueError(
+            f"measuring range {system.z_min} to {system.z_max} mm given; no ray of the camera is "
+            "in front of the projector at both ends"
+        )
     if not ambiguous and np.nanmax(span) >= TWO_PI:
         raise ValueError(
             f"measuring range {system.z_min} to {system.z_max} mm given; at pitch {pitch} it spans "

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from fpputil.checks import finite
 from fpputil.decoding.unwrap import wrap
 
 DISTANCES = (0, 1, 2, 3, 5, 8, 12, math.inf)
@@ -16,6 +17,14 @@ DISTANCES = (0, 1, 2, 3, 5, 8, 12, math.inf)
 HARMONICS = 6
 INNER, SMALL = 2.0, 0.5  # pixels from an edge, radians: waves are looked for beyond and below
 ALIKE = 0.1  # combinations of terms so weak, beside the strongest, are not told apart
+FORM = {
+    "classes": ((finite,) * (len(DISTANCES) - 1),) * 3,
+    "power": ((finite,) * HARMONICS,) * 2,
+    "inner": (finite,) * 2,
+    "bent": (finite,) * 2,
+}
+"""Of `ErrorAnalysis.sums` in JSON."""
+
 STEP = 1.0  # radians that a crease bends at most within three pixels
 CANNY = 30, 90  # thresholds of the gradient, grey levels
 

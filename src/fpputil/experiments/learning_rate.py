@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from fpputil.checks import Form, anything, conform, not_negative, or_null, positive, read_json
 from fpputil.dataset.store import open_store
 from fpputil.experiments.registry import LEARNING_RATES, SEARCH_CONFIG, SEARCHED, methods
 from fpputil.files import write_whole
@@ -47,8 +48,8 @@ def search_learning_rate(
         "settings": plain(asdict(SEARCH_CONFIG)),
         "methods": {kind: settings_of(known[kind]) for kind in SEARCHED},
     }
-    search = read_json(path, *wanted, "runs") if path.is_file() else {**wanted, "runs": {}}
-    if other := [k for k in wanted if search[k] != wanted[k]]:
+    search = read_rates(path) if path.is_file() else {**wanted, "runs": {}}
+    if other := [k for k in wanted if search.get(k) != wanted[k]]:
         raise ValueError(f"{path} is a search with other {other[0]}; remove it to search anew")
     path.parent.mkdir(parents=True, exist_ok=True)
     for kind in kinds:
@@ -85,18 +86,26 @@ def best_learning_rate(path: str | Path, kind: str) -> float:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} is not there; search first: fpp results rates")
-    tried = read_json(path, "runs")["runs"].get(kind, {})
+    tried = read_rates(path)["runs"].get(kind, {})
     if _next_rate(tried) is not None:
         raise ValueError(f"{path} lacks rates of {kind}; go on searching: fpp results rates {kind}")
     return _best(tried)
 
 
-def read_json(path: Path, *needed: str) -> dict:
-    """A JSON file of results; ValueError with its path if it is cut or lacks what is needed."""
+def _tried(name: str, value) -> None:
+    conform(name, value, {...: {"mae": or_null(not_negative), ...: anything}})
+    for rate in value:
+        positive(f"rate in {name}", float(rate))
+
+
+def read_rates(path: Path) -> dict:
+    """What `search_learning_rate` wrote; ValueError with its path if it is cut or foreign."""
+    return read_stored(path, {"runs": {...: _tried}, ...: anything})
+
+
+def read_stored(path: Path, form: Form) -> dict:
+    """A JSON file of results; ValueError with its path if it is cut or has another form."""
     try:
-        values = json.loads(path.read_bytes())
-        if lacking := [name for name in needed if name not in values]:
-            raise ValueError(f"no {lacking[0]} in it")
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path} is no file of results ({error}); remove it") from error
-    return values
+        return read_json(path, form, "file of results")
+    except ValueError as error:
+        raise ValueError(f"{error}; remove it") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -14,15 +15,17 @@ from statistics import median
 import numpy as np
 from filelock import FileLock, Timeout
 
+from fpputil.checks import anything, finite, natural, not_negative, one_line, or_null, text
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.store import open_store
 from fpputil.experiments import statistics, tables
-from fpputil.experiments.assessment import SPLITS, TRUTH, VIEWS, assess
+from fpputil.experiments.assessment import CONDITIONS, SPLITS, TRUTH, VIEWS, assess
+from fpputil.experiments.error_analysis import FORM as ANALYSIS
 from fpputil.experiments.error_analysis import ErrorAnalysis
-from fpputil.experiments.learning_rate import best_learning_rate, read_json
+from fpputil.experiments.learning_rate import best_learning_rate, read_rates, read_stored
 from fpputil.experiments.registry import SCENES, budget, experiments
 from fpputil.experiments.statistics import Interval, Spread, seeds_of
-from fpputil.files import write_whole
+from fpputil.files import read_arrays, write_whole
 from fpputil.learning.config import TrainingConfig
 from fpputil.learning.training import CHECKPOINT, WEIGHTS, fit
 from fpputil.learning.weights import load_weights, plain, short
@@ -34,6 +37,37 @@ from fpputil.optics.system import preset as preset_of
 RESULTS = Path("data/results")
 IDENTITY = ("name", "preset", "seed", "data", "method", "settings")
 COSTS = ("parameters", "multiply_adds", "images", "seconds", "hardware", "history")
+INTERVAL = (or_null(finite),) * 3  # null where nothing was measured
+MEASURES = {"mae_rad": (finite,) * 3, ...: INTERVAL}
+SUMS = [(not_negative,) * 3]
+PART = {
+    "measures": MEASURES,
+    "models": [natural],
+    "sums": {"rad": SUMS, ...: SUMS},
+    "views": natural,
+    ...: anything,
+}
+TEST = {**PART, "alone": MEASURES, "inspection": [ANALYSIS]}
+STORED = dict.fromkeys(IDENTITY, anything) | {...: anything}
+FORM = {
+    "name": text,
+    "preset": text,
+    "seed": natural,
+    "data": text,
+    "method": {...: anything},
+    "settings": {"augmentation": {...: (finite, finite)}, ...: anything},
+    "parameters": natural,
+    "multiply_adds": natural,
+    "images": natural,
+    "seconds": not_negative,
+    "hardware": {...: anything},
+    "history": [{...: or_null(finite)}],
+    "splits": {"test": TEST, "held-out": PART},
+    "conditions": dict.fromkeys(CONDITIONS, PART),
+    ...: anything,
+}
+"""Of the result of a run; `STORED` of what tells one from others."""
+
 TILE = 32  # pixels that every network halves without a rest: its work grows with their number
 
 
@@ -95,11 +129,14 @@ class Run:
 
 def read_result(path: Path) -> Run:
     """A finished run; ValueError with the path if the file is cut, foreign or outdated."""
-    stored = read_json(path, *IDENTITY, "splits", "conditions")
+    stored = read_stored(path, FORM)
     try:
         settings = dict(stored["settings"])
         camera = {k: tuple(v) for k, v in settings.pop("augmentation").items()}
         test, parts = stored["splits"]["test"], stored["splits"] | stored["conditions"]
+        for name, part in parts.items():
+            if {len(sums) for sums in part["sums"].values()} != {len(part["models"])}:
+                raise ValueError(f"not as many sums of {name} as models")
         return Run(
             **{k: stored[k] for k in (*IDENTITY[:4], *COSTS)},
             method=method_of(stored["method"]),
@@ -112,7 +149,7 @@ def read_result(path: Path) -> Run:
             analyses=test["inspection"],
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} is of no method of this version ({error})") from error
+        raise ValueError(f"{path} is of no method of this version ({one_line(error)})") from error
 
 
 def _intervals(measures: dict) -> dict[str, Interval]:
@@ -188,7 +225,7 @@ def make_run(
         needed.mkdir(parents=True, exist_ok=True)
     try:  # the lock dies with its process
         with FileLock(folder / ".lock", timeout=-1 if wait else 0):
-            stored = read_json(path, *IDENTITY) if path.is_file() else {}
+            stored = read_stored(path, STORED) if path.is_file() else {}
             if {k: stored.get(k) for k in IDENTITY} != identity:
                 resume = (folder / CHECKPOINT).is_file()
                 _, history = fit(method, data, settings, folder, resume=resume, **how)
@@ -243,9 +280,11 @@ class ResultView:
 
     def error(self, name: str) -> np.ndarray:
         """Error of Phi of a run, (H, W) radians, NaN outside the mask."""
-        picture = np.full(self.mask.shape, np.nan)
-        with np.load(self.folder / f"{name}.npz") as file:
-            picture[self.mask] = file[str(self.number)]
+        path, picture = self.folder / f"{name}.npz", np.full(self.mask.shape, np.nan)
+        errors = read_arrays(path).get(str(self.number), np.zeros(0))
+        if errors.shape != (number := np.count_nonzero(self.mask),):
+            raise ValueError(f"{path} has not {number} errors of view {self.number}; make it again")
+        picture[self.mask] = errors
         return picture
 
     def cropped(self, picture: np.ndarray) -> np.ndarray:
@@ -309,16 +348,19 @@ class Results:
     @property
     def rates(self) -> dict[str, dict[str, dict]]:
         """What the search for a learning rate found, by kind of run and rate."""
-        return read_json(self.path / "tiny" / "rates.json", "runs")["runs"]
+        return read_rates(self.path / "tiny" / "rates.json")["runs"]
 
     @cached_property
     def views(self) -> list[ResultView]:
         """The test views whose errors were kept."""
-        folder = self.path / self.preset
-        with np.load(folder / VIEWS) as file:
-            truth = dict(file)
-        numbers = sorted({int(key.split("-")[0]) for key in truth if key.endswith("-mask")})
-        return [ResultView(n, *(truth[f"{n}-{name}"] for name in TRUTH), folder) for n in numbers]
+        folder, views = self.path / self.preset, []
+        truth = read_arrays(folder / VIEWS)
+        for number in sorted(int(key[:-5]) for key in truth if re.fullmatch("[0-9]+-mask", key)):
+            maps = [truth.get(f"{number}-{name}", np.zeros(0)) for name in TRUTH]
+            if len({m.shape for m in maps}) > 1 or maps[0].ndim != 2 or maps[0].dtype != bool:
+                raise ValueError(f"{folder / VIEWS} has not all of view {number}; make it again")
+            views.append(ResultView(number, *maps, folder))
+        return views
 
 
 def load(preset: str, path: str | Path = RESULTS) -> Results:

@@ -80,7 +80,7 @@ def bootstrap(runs: Sequence, measure: str, part="test", draws=1000) -> np.ndarr
     """
     kind, root = MEASURES[measure]
     parts = [run.parts[part] for run in runs]
-    if len({tuple(p.models) for p in parts}) != 1:
+    if len({tuple(p.models) for p in parts}) != 1 or not all(kind in p.sums for p in parts):
         raise ValueError("runs measured on different models given; they cannot be compared")
     sums = np.array([p.sums[kind] for p in parts], float)  # (seeds, models, 3)
     pooled = np.einsum("dm,smk->dsk", draws_of_models(sums.shape[1], draws), sums)

@@ -6,18 +6,15 @@ state is in it: `fit` draws from seed, epoch and batch alone.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import load, save
 from torch import nn
 from torch.optim import Optimizer
 
-from fpputil.files import write_whole
-from fpputil.learning.weights import check_fit, read_metadata
+from fpputil.learning.weights import check_fit, read_tensors, write_tensors
 
-FORMAT = "fpputil run 3"
+FORMAT = "fpputil run 4"
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 
 
@@ -28,21 +25,24 @@ def save_checkpoint(path: Path, network: nn.Module, optimiser: Optimizer, state:
         tensors |= {f"optimiser.{k}.{name}": moments[name] for name in MOMENTS}
     tensors = {k: v.detach().cpu().contiguous() for k, v in tensors.items()}
     groups = optimiser.state_dict()["param_groups"]
-    text = json.dumps({"format": FORMAT, "groups": groups, **state})
-    write_whole(path, save(tensors, {"metadata": text}))
+    write_tensors(path, tensors, {"format": FORMAT, "groups": groups, **state})
 
 
 def read_state(path: Path) -> dict:
     """What a checkpoint remembers besides tensors; ValueError if the file is cut or foreign."""
-    state = read_metadata(path, "a checkpoint")
-    if not isinstance(state, dict) or state.get("format") != FORMAT:
+    return _read(path)[1]
+
+
+def _read(path: Path) -> tuple[dict, dict]:
+    tensors, state = read_tensors(path, "a checkpoint", sealed=True)
+    if state.get("format") != FORMAT:
         raise ValueError(f"{path} is not a checkpoint of this version of fpputil")
-    return state
+    return tensors, state
 
 
 def restore(path: Path, network: nn.Module, optimiser: Optimizer) -> dict:
     """Put a saved state back into network and optimiser, if they fit; returns the rest of it."""
-    state, tensors = read_state(path), load(path.read_bytes())
+    tensors, state = _read(path)
     weights = [p for group in optimiser.param_groups for p in group["params"]]
     shapes = {f"network.{k}": v.shape for k, v in network.state_dict().items()}
     for k, weight in enumerate(weights):

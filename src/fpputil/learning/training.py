@@ -18,6 +18,7 @@ from torch.optim.lr_scheduler import OneCycleLR, ReduceLROnPlateau
 from torch.utils.data import DataLoader, Subset
 from tqdm.std import tqdm
 
+from fpputil.checks import anything, read_json
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.files import write_whole
 from fpputil.learning.checkpoint import restore, save_checkpoint
@@ -279,11 +280,8 @@ def claim(out: Path, config: dict, resume: bool) -> None:
         out.mkdir(parents=True, exist_ok=True)
         write_whole(out / CONFIG, f"{json.dumps(config, indent=1)}\n".encode())
         return
-    try:
-        changes = list(_differences(json.loads((out / CONFIG).read_bytes()), plain(config)))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{out / CONFIG} is cut or no config of a run ({error})") from error
-    for name, before, now in changes:
+    begun = read_json(out / CONFIG, {...: anything}, "config of a run")
+    for name, before, now in _differences(begun, plain(config)):
         raise ValueError(
             f"the run in {out} has {name} {before}, and {now} is asked for; a run is resumed with "
             "the settings and data it began with"

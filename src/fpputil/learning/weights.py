@@ -8,15 +8,30 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import safetensors
 import torch
 from safetensors.torch import load, save
 from torch import nn
 
+from fpputil.checks import (
+    anything,
+    conform,
+    finite,
+    one_line,
+    one_or_more,
+    parse_json,
+    read_json,
+)
 from fpputil.files import write_whole
 from fpputil.networks.methods import Method, method_of, settings_of
+from fpputil.optics.system import PITCHES
 
 FORMAT = "fpputil weights 2"
+RIG = {"pitches": PITCHES, "camera": (one_or_more, one_or_more), "extremes": (finite, finite)}
+"""Form of what weights know of the system they are for, if they do."""
+
+
+METRICS = {"metrics": {...: {...: anything}}, ...: anything}
+"""Form of the file beside weights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +49,7 @@ class Trained:
 
 def check_rig(trained: Trained) -> None:
     """ValueError unless weights say for which pitches, camera and grey levels they are."""
-    if lacking := {"pitches", "camera", "extremes"} - set(trained.metadata):
+    if lacking := RIG.keys() - trained.metadata.keys():
         raise ValueError(f"these weights do not say for which {min(lacking)} they are")
 
 
@@ -47,7 +62,7 @@ def save_weights(path: str | Path, trained: Trained, dtype=torch.float16) -> Non
         if not torch.isfinite(tensor).all():
             raise ValueError(f"{name} has weights that are not finite in {dtype}; nothing is saved")
     metadata = {"format": FORMAT, "method": settings_of(trained.method), **trained.metadata}
-    write_whole(path, save(tensors, {"metadata": json.dumps(metadata)}))
+    write_tensors(path, tensors, metadata)
 
 
 def load_weights(path: str | Path) -> Trained:
@@ -55,32 +70,62 @@ def load_weights(path: str | Path) -> Trained:
     path = _name(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} given; there is no such file of weights")
-    metadata, tensors = read_metadata(path, "a safetensors file"), load(path.read_bytes())
-    kind = metadata.pop("format", None) if isinstance(metadata, dict) else None
+    tensors, metadata = read_tensors(path, "a safetensors file", sealed=False)
+    kind = metadata.pop("format", None)
     if str(kind).startswith("fpputil run"):
         raise ValueError(f"{path} is the checkpoint of a run; weights.safetensors is beside it")
     if kind != FORMAT:
         raise ValueError(f"{path} is not a file of weights of this version of fpputil")
     try:
         method = method_of(metadata.pop("method", None))
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} describes no method of this version: {error}") from error
-    with torch.random.fork_rng(devices=[]):
-        network = method.network()
-    check_fit(path, tensors, {k: v.shape for k, v in network.state_dict().items()})
+        with torch.device("meta"):  # before any memory is taken for it
+            shapes = {k: v.shape for k, v in method.network().state_dict().items()}
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        reason = one_line(error)
+        raise ValueError(f"{path} describes no method of this version: {reason}") from error
+    check_fit(path, tensors, shapes)
     if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
         raise ValueError(f"{path} holds weights that are not finite")
+    try:
+        for name in RIG.keys() & metadata.keys():
+            conform(name, metadata[name], RIG[name])
+    except ValueError as error:
+        raise ValueError(f"{path} is for no system that there is: {error}") from error
+    with torch.random.fork_rng(devices=[]):
+        network = method.network()
     network.load_state_dict(tensors)
     return Trained(method, network.eval(), metadata)
 
 
-def read_metadata(path: Path, kind: str):
-    """JSON inside a safetensors file; ValueError if the file is cut or foreign."""
+def write_tensors(path: Path, tensors: dict, metadata: dict) -> None:
+    """Write tensors, JSON and the SHA-256 of both as safetensors, whole or not at all."""
+    sealed = {**metadata, "sha256": _digest(tensors, metadata)}
+    write_whole(path, save(tensors, {"metadata": json.dumps(sealed)}))
+
+
+def read_tensors(path: Path, kind: str, sealed: bool) -> tuple[dict, dict]:
+    """Tensors and JSON of a safetensors file; ValueError if it is cut, foreign or changed.
+
+    One that is not `sealed` may lack the SHA-256.
+    """
+    data = path.read_bytes()  # for the library opens no name that is not UTF-8
     try:
-        with safetensors.safe_open(path, "pt") as file:
-            return json.loads((file.metadata() or {}).get("metadata", "null"))
-    except (safetensors.SafetensorError, ValueError) as error:
-        raise ValueError(f"{path} is cut or not {kind} ({error})") from error
+        tensors = load(data)
+        header = parse_json(data[8 : 8 + int.from_bytes(data[:8], "little")], {...: anything})
+        inside = header.get("__metadata__", {}).get("metadata", "{}")
+        metadata = parse_json(inside, {...: anything})
+    except Exception as error:  # its own, and those of torch and of names of types
+        raise ValueError(f"{path} is cut or not {kind} ({one_line(error)})") from error
+    seal = metadata.pop("sha256", None)
+    if sealed and seal is None:
+        raise ValueError(f"{path} is not {kind} of this version of fpputil")
+    if seal is not None and seal != _digest(tensors, metadata):
+        raise ValueError(f"{path} is not as it was written: its SHA-256 is another")
+    return tensors, metadata
+
+
+def _digest(tensors: dict, metadata: dict) -> str:
+    return hashlib.sha256(save(tensors, {"metadata": json.dumps(metadata)})).hexdigest()
 
 
 def write_metrics(path: str | Path, trained: Trained, split: str, measures: dict) -> Path:
@@ -104,9 +149,9 @@ def read_metrics(path: str | Path) -> dict[str, dict]:
     if not beside.is_file():
         raise FileNotFoundError(f"{beside} is not there; measure first: fpp evaluate {path} --json")
     try:
-        return dict(json.loads(beside.read_text(encoding="utf-8"))["metrics"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{beside} holds no metrics of weights ({error}); remove it") from error
+        return read_json(beside, METRICS, "metrics of weights")["metrics"]
+    except ValueError as error:
+        raise ValueError(f"{error}; remove it") from error
 
 
 def short(value):

@@ -88,7 +88,7 @@ class UNet(nn.Module):
 
 def widths_of(base: int, levels: int) -> list[int]:
     """Channels of each level, finest first: doubling from `base`."""
-    return [whole("base", base, 1) * 2**k for k in range(whole("levels", levels, 2))]
+    return [whole("base", base, 1) * 2**k for k in range(whole("levels", levels, 2, 16))]
 
 
 def dropout_of(share: float) -> nn.Dropout:

@@ -7,7 +7,7 @@ from numbers import Integral
 import numpy as np
 from scipy.special import ndtr
 
-from fpputil.checks import not_negative, positive, whole
+from fpputil.checks import at_most, not_negative, positive, whole
 
 WHITE = 255.0
 
@@ -59,6 +59,7 @@ class Fringe:
                 f"{self.steps} steps given; average, modulation and phase are three unknowns, "
                 "so phase shifting needs a whole number of 3 steps or more"
             )
+        at_most("steps", self.steps, "FPP_MOST_PHOTOGRAPHS")
         if self.axis not in ("column", "row"):
             raise ValueError(f"axis {self.axis!r} given; fringes vary along 'column' or 'row'")
         positive("gamma", self.gamma)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from fpputil.checks import rotation, whole
+from fpputil.checks import at_most, rotation, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +52,8 @@ class Pinhole:
         K, R, t, distortion = self.K, self.R, self.t, self.distortion
         if K.shape != (3, 3) or t.shape != (3,):
             raise ValueError(f"K {K.shape}, t {t.shape} given; they are (3, 3) and (3,)")
-        whole("width", self.width, 1)
-        whole("height", self.height, 1)
+        pixels = whole("width", self.width, 1) * whole("height", self.height, 1)
+        at_most(f"{self.width} x {self.height} pixels, in all", pixels, "FPP_MOST_PIXELS")
         if not all(np.isfinite(a).all() for a in (K, R, t, distortion)):
             raise ValueError("NaN or infinite camera parameters given; all must be finite")
         if not (K[0, 0] > 0 and K[1, 1] > 0 and np.allclose(K[2], (0, 0, 1)) and K[1, 0] == 0):

@@ -78,15 +78,16 @@ def raycast(
     not_negative("specular", specular)
     positive("shininess", shininess)
     positive("white_at", white_at, "mm")
-    tree = mesh if isinstance(mesh, Tree) else bvh(mesh)
-    look = albedo, specular, shininess, white_at
-    view = _cast(tree, system, *look)
-    if supersample == 1:
-        return view
     s, camera = supersample, system.camera
     K = camera.K * ((s,), (s,), (1,))
     K[:2, 2] += (s - 1) / 2
+    # Refused, if it has too many pixels, before any ray is cast.
     finer = replace(camera, width=camera.width * s, height=camera.height * s, K=K)
+    tree = mesh if isinstance(mesh, Tree) else bvh(mesh)
+    look = albedo, specular, shininess, white_at
+    view = _cast(tree, system, *look)
+    if s == 1:
+        return view
     return replace(view, fine=_cast(tree, replace(system, camera=finer), *look))
 
 

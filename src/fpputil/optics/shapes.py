@@ -3,6 +3,7 @@
 Lengths in mm, vertices (V, 3); the camera is the world: x right, y down, z forward (Chapter 2).
 """
 
+import io
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -17,6 +18,7 @@ from trimesh.exchange.load import mesh_formats
 
 from fpputil import checks
 from fpputil.checks import positive, seeded, whole
+from fpputil.files import read_arrays
 from fpputil.optics.parts import FAMILIES as FAMILIES
 from fpputil.optics.parts import part as part
 from fpputil.optics.parts.stock import outline, to_mesh
@@ -24,6 +26,8 @@ from fpputil.optics.parts.stock import outline, to_mesh
 SIZE = 240.0
 """Diameter in mm of the ball that a placed mesh fills. At `CENTRE` every pose of it is inside the
 presets' camera view (a ball of 285 mm would touch it) and measuring range (z 480 to 820 mm)."""
+
+FARTHEST = 1e10  # trimesh tells vertices apart by their coordinates in 1e-8, as whole numbers
 
 CENTRE = (0.0, 0.0, 650.0)
 """Where the middle of that ball lies, mm."""
@@ -208,11 +212,10 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
         known = ", ".join(formats())
         raise ValueError(f"{path} ends in {suffix!r}; the mesh formats read here are {known}")
     try:
-        npz = suffix == "npz"
-        mesh = _npz_mesh(path) if npz else trimesh.load_scene(path, process=False).to_mesh()
+        mesh = _npz_mesh(path) if suffix == "npz" else _trimesh(path, suffix)
         promised = _promised_faces(path, suffix)
     except Exception as error:  # each format's reader fails in its own way
-        reason = f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {checks.one_line(error)}"
         raise ValueError(f"{path} cannot be read ({reason}); a whole file is needed") from error
     if len(mesh.faces) < promised:
         raise ValueError(
@@ -220,6 +223,8 @@ def load_mesh(path: str | os.PathLike) -> trimesh.Trimesh:
             "a whole file is needed"
         )
     check_mesh(mesh, str(path))
+    if (far := np.abs(mesh.vertices).max()) > FARTHEST:
+        raise ValueError(f"{path} has a coordinate of {far:g}; up to {FARTHEST:g} are told apart")
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
     corners = np.sort(mesh.faces, axis=1)  # slivers lose a corner in the file's float32
@@ -244,9 +249,18 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         )
 
 
+def _trimesh(path: Path, suffix: str) -> trimesh.Trimesh:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:  # trimesh opens no such name
+        file = io.BytesIO(path.read_bytes())
+        return trimesh.load_scene(file, suffix, process=False).to_mesh()
+    return trimesh.load_scene(path, process=False).to_mesh()  # which finds files beside it
+
+
 def _npz_mesh(path: Path) -> trimesh.Trimesh:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-        vertices, facets = stored["vertices"], stored["facets"]
+    stored = read_arrays(path)
+    vertices, facets = stored["vertices"], stored["facets"]
     if vertices.shape[1:] != (3,) or facets.shape[1:] != (3,) or facets.dtype.kind not in "iu":
         raise ValueError(
             f"vertices {vertices.shape} and facets {facets.shape} of {facets.dtype}; "

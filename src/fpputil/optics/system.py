@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fpputil.checks import conform, finite, one_line, one_or_more, positive
 from fpputil.files import write_whole
 from fpputil.optics.pinhole import Pinhole, camera_matrix
 
@@ -41,11 +42,27 @@ class Pitches(NamedTuple):
         return self.unit, self.mid, self.high
 
 
-PINHOLE = ("width", "height", "K", "R", "t", "distortion")
-"""Entries of camera and projector in a system file."""
+MATRIX = ((finite,) * 3,) * 3
+PINHOLE = {
+    "width": one_or_more,
+    "height": one_or_more,
+    "K": MATRIX,
+    "R": MATRIX,
+    "t": (finite,) * 3,
+    "distortion": [finite],
+}
+"""Entries of camera and projector in a system file, and their form."""
+
+FORM = {"camera": PINHOLE, "projector": PINHOLE, "z_min": positive, "z_max": positive}
+"""Of a system file."""
+
+LONGEST = 20_000  # letters of OpenCV YAML: its parser ends the process in lists 50,000 deep
 
 FREQUENCIES = Pitches._fields
 """Names of the pitches, in the order of a dataset's targets and stored photographs."""
+
+PITCHES = dict.fromkeys(FREQUENCIES, positive)
+"""Form of the pitches in JSON."""
 
 STEPS = 15
 """Steps of the frames that targets are decoded from, as in the paper."""
@@ -138,7 +155,7 @@ class System:
         except Exception as error:  # OpenCV's parser has errors of its own
             raise ValueError(
                 f"{path} given; a system file holds camera, projector, z_min and z_max whole "
-                f"({type(error).__name__}: {error})"
+                f"({type(error).__name__}: {one_line(error)})"
             ) from error
 
 
@@ -207,18 +224,16 @@ def system_to_dict(system: System) -> dict:
 
 
 def system_from_dict(data: dict) -> System:
-    """The system of `system_to_dict`; KeyError, TypeError or ValueError if not whole."""
-    parts = {"z_min": float(data["z_min"]), "z_max": float(data["z_max"])}
-    for name in ("camera", "projector"):
-        entries = data[name]
-        parts[name] = Pinhole(**{**{entry: entries[entry] for entry in PINHOLE}, **entries})
-    return System(**{**data, **parts})
+    """The system of `system_to_dict`; ValueError if it is not whole."""
+    conform("", data, FORM)
+    pinholes = {name: Pinhole(**data[name]) for name in ("camera", "projector")}
+    return System(**pinholes, z_min=float(data["z_min"]), z_max=float(data["z_max"]))
 
 
 def _to_yaml(system: System) -> str:
     store = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     for name, pinhole in (("camera", system.camera), ("projector", system.projector)):
-        for entry in PINHOLE[:-1] if pinhole.distortion.size == 0 else PINHOLE:
+        for entry in PINHOLE if pinhole.distortion.size else list(PINHOLE)[:-1]:
             store.write(f"{name}_{entry}", getattr(pinhole, entry))
     store.write("z_min", system.z_min)
     store.write("z_max", system.z_max)
@@ -226,6 +241,8 @@ def _to_yaml(system: System) -> str:
 
 
 def _from_yaml(text: str) -> dict:
+    if len(text) > LONGEST:
+        raise ValueError(f"{len(text)} letters; at most {LONGEST} are read")
     store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
 
     def value(key):
@@ -236,7 +253,7 @@ def _from_yaml(text: str) -> dict:
             raise KeyError(key)
         if node.isInt():
             return int(node.real())
-        return node.real() if node.isReal() else node.mat().squeeze()
+        return node.real() if node.isReal() else node.mat().squeeze().tolist()
 
     pinholes = {k: {n: value(f"{k}_{n}") for n in PINHOLE} for k in ("camera", "projector")}
     return {**pinholes, "z_min": value("z_min"), "z_max": value("z_max")}

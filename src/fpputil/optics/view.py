@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -75,7 +76,8 @@ class View:
         if not fringes:
             raise ValueError("no fringe given; a photograph needs at least one pattern")
         for fringe in fringes if steps is not None else ():
-            if not len(steps) or not all(n in range(fringe.steps) for n in steps):
+            known = (isinstance(n, Integral) and not isinstance(n, bool) for n in steps)
+            if not len(steps) or not all(known) or not set(steps) <= set(range(fringe.steps)):
                 raise ValueError(
                     f"steps {list(steps)} given; a fringe of {fringe.steps} steps has steps 0 to "
                     f"{fringe.steps - 1}, and a photograph needs one"
