@@ -87,7 +87,7 @@ def test_outside_the_mask_is_nan(sphere_view):
 
 ARROWS = {  # each package imports from those below it alone
     "checks": (),
-    "files": (),
+    "files": ("checks",),
     "probe": (),
     "notebook": (),
     "optics": ("checks", "files", "probe"),

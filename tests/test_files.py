@@ -55,6 +55,7 @@ FOREIGN = {
     "a pipe": (lambda p: os.mkfifo(p / "pipe"), "holds pipe, not as"),
     "no mark": (lambda p: (p / MARK).unlink(), "holds sub/a.txt, not as"),
     "a broken mark": (lambda p: (p / MARK).write_text("[1]"), "holds sub/a.txt, not as"),
+    "an endless mark": (lambda p: (p / MARK).write_text("[" * 100_000), "holds sub/a.txt, not as"),
     "another command's": (
         lambda p: (p / MARK).write_text((p / MARK).read_text().replace("decode", "render")),
         "holds results of `fpp render`; `fpp decode --force` replaces its own results alone",

@@ -18,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from fpputil.checks import parse_json, text
+
 MARK = ".fpputil.json"
 """In a folder of results: the command that wrote it, and the SHA-256 of each file."""
 
@@ -138,10 +140,10 @@ def _check_contents(folder: Path, name: Path, by: str) -> None:
 def _contents(folder: Path) -> tuple[str, list[str]]:
     """Who filled a folder, "" if nobody is known, and the files that are not as it left them."""
     try:
-        mark = json.loads((folder / MARK).read_bytes())
-        by, wrote = str(mark["by"]), dict(mark["files"])
-    except (OSError, ValueError, LookupError, TypeError):
-        by, wrote = "", {}
+        mark = parse_json((folder / MARK).read_bytes(), {"by": text, "files": {...: text}})
+    except (OSError, ValueError):
+        mark = {"by": "", "files": {}}
+    by, wrote = mark["by"], mark["files"]
     files = (f for f in sorted(folder.rglob("*")) if f.is_symlink() or not f.is_dir())
     names = {f.relative_to(folder).as_posix(): f for f in files if f != folder / MARK}
     return by, [n for n, f in names.items() if n not in wrote or wrote[n] != _digest(f)]
