@@ -264,3 +264,14 @@ def test_an_export_that_was_stopped_goes_on(moment, small_set, exported, tmp_pat
         if file.is_file():
             assert (folder / file.relative_to(exported)).read_bytes() == file.read_bytes()
     assert len(list(folder.rglob("*"))) == len(list(exported.rglob("*")))
+
+
+def test_a_finished_export_is_not_done_twice(small_set, tmp_path, monkeypatch):
+    """As after a kill between the last file and the end of the process; another one is refused."""
+    export_folder(small_set, tmp_path / "out", "test")
+    before = {f: f.stat().st_mtime_ns for f in (tmp_path / "out").rglob("*.png")}
+    export_folder(small_set, tmp_path / "out", "test")
+    assert {f: f.stat().st_mtime_ns for f in (tmp_path / "out").rglob("*.png")} == before
+    assert not (tmp_path / "out" / "unfinished.json").exists()
+    with pytest.raises(ValueError, match="is not empty"):
+        export_folder(small_set, tmp_path / "out", "test", noise=1.0)

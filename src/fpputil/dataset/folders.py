@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -65,8 +66,8 @@ def export_folder(
     scenes = {f"scene-{i:06d}": (name, int(i)) for name in splits for i in data.indices(name)}
     fringes = data.fringes or [Fringe(data.manifest["pitches"][f], STEPS) for f in FREQUENCIES]
     names = _names(fringe.steps for fringe in fringes)
-    start = layout.dumps({"content": data.checksum, "split": split, "noise": noise})
-    _begin(folder, start)
+    made_of = {"content": data.checksum, "split": split, "noise": noise}
+    _begin(folder, made_of)
     for scene, (_, index) in scenes.items():
         if not all((folder / scene / name).is_file() for name in names):
             shutil.rmtree(folder / scene, ignore_errors=True)  # what a kill left of it
@@ -82,18 +83,22 @@ def export_folder(
             scene: {"object": data.describe(index)["name"], "split": name}
             for scene, (name, index) in scenes.items()
         },
+        "made_of": made_of,
     }
     layout.put(folder, {INDEX: layout.dumps(table)})
-    (folder / UNFINISHED).unlink()
+    (folder / UNFINISHED).unlink(missing_ok=True)
     return len(scenes)
 
 
-def _begin(folder: Path, start: bytes) -> None:
+def _begin(folder: Path, made_of: dict) -> None:
     """Say in a folder what its export is of, if it is new, empty or left by the same export."""
+    start = layout.dumps(made_of)
     for file in folder.glob(layout.PARTIAL):
         file.unlink()
     mark = folder / UNFINISHED
     begun = mark.is_file() and mark.read_bytes() == start
+    with suppress(ValueError):  # all there, whether or not its process came to its end
+        begun |= _read_index(folder)[0].get("made_of") == made_of
     if not begun and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         place = "a new or empty folder, or goes on where the same command was stopped"
         raise ValueError(f"{folder} is not empty; an export goes to {place}")
