@@ -18,11 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fpputil.checks import parse_json, text
+from fpputil.checks import one_line, parse_json, text
 
 MARK = ".fpputil.json"
 """In a folder of results: the command that wrote it, and the SHA-256 of each file."""
 
+PARTIAL = "*.*-????????.part"  # what `write_whole` leaves behind if its process is killed
 LEFT = re.compile(r"\.\d+-[0-9a-f]{8}\.(part|old)")  # behind a name: its writer was killed
 
 
@@ -56,8 +57,7 @@ def read_arrays(path: str | os.PathLike) -> dict[str, np.ndarray]:
     except FileNotFoundError:
         raise
     except Exception as error:  # ZIP, its compression and NumPy's heads have errors of their own
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{path} is cut or no file of arrays ({reason})") from error
+        raise ValueError(f"{path} is cut or no file of arrays ({one_line(error)})") from error
 
 
 @contextmanager

@@ -21,18 +21,16 @@ def patterns(
     Photograph each, keep the photographs under the same names in a folder beside a copy of
     patterns.toml, and `fpp decode` that folder.
     """
-    import cv2
-
     from fpputil.capture.patterns import NAME
-    from fpputil.files import folder_whole, write_whole
+    from fpputil.capture.photographs import write_photograph
+    from fpputil.files import folder_whole
 
     files = {"white": "000-white.png", "black": "001-black.png"} if plain else {}
     chosen = fringes.patterns(projector, files="{number:03}-{axis}-{pitch}-{step:02}.png", **files)
     shots = chosen.shots()
     with folder_whole(out, "fpp patterns", force) as folder:
         for shot in shots:
-            _, data = cv2.imencode(".png", chosen.picture(shot))
-            write_whole(folder / shot.file, data.tobytes())
+            write_photograph(folder / shot.file, chosen.picture(shot))
         chosen.save(folder / NAME)
     made = {"folder": str(out), "files": [shot.file for shot in shots]}
     pictures = f"{len(shots)} pictures of {projector[0]} x {projector[1]} and {NAME} in {out}"

@@ -23,6 +23,7 @@ from fpputil.dataset.store import open_store
 from fpputil.decoding.decoder import decode
 from fpputil.decoding.geometric_constraint import minimum_phase
 from fpputil.decoding.triangulation import column, depth_of, triangulate
+from fpputil.files import PARTIAL
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.system import FORM as SYSTEM
 from fpputil.optics.system import (
@@ -93,7 +94,7 @@ def export_folder(
 def _begin(folder: Path, made_of: dict) -> None:
     """Say in a folder what its export is of, if it is new, empty or left by the same export."""
     start = layout.dumps(made_of)
-    for file in folder.glob(layout.PARTIAL):
+    for file in folder.glob(PARTIAL):
         file.unlink()
     mark = folder / UNFINISHED
     begun = mark.is_file() and mark.read_bytes() == start

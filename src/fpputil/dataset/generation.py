@@ -25,6 +25,7 @@ from tqdm.std import tqdm
 from fpputil.checks import positive, seeded, whole
 from fpputil.dataset import layout, parallel
 from fpputil.dataset.models import Model, load_model
+from fpputil.files import PARTIAL
 from fpputil.optics.raycasting import bvh, raycast
 from fpputil.optics.shapes import CENTRE, SIZE, place, rotation
 from fpputil.optics.system import System, preset, system_from_dict, system_to_dict
@@ -235,7 +236,7 @@ def fill(out, plan: dict, make, root=None, workers=1, scheduler=None, progress=F
         manifest = complete(out, plan, [records[n] for n in range(len(models))])
         layout.put(out, {layout.MANIFEST: layout.dumps(manifest)})
         shutil.rmtree(out / RECORDS, ignore_errors=True)
-        for file in out.rglob(layout.PARTIAL):  # of runs and workers that were killed
+        for file in out.rglob(PARTIAL):  # of runs and workers that were killed
             file.unlink(missing_ok=True)
         return manifest
 
@@ -248,7 +249,7 @@ def _claim(out: Path) -> Iterator[None]:
     if not out.is_dir() and (out.exists() or out.is_symlink()):
         raise ValueError(f"{out} is no folder; a dataset is a folder")
     out.mkdir(exist_ok=True)
-    names = sorted(f.name for f in out.iterdir() if not f.match(layout.PARTIAL))
+    names = sorted(f.name for f in out.iterdir() if not f.match(PARTIAL))
     if layout.MANIFEST not in names and names not in ([], [layout.LOCK]):
         place = "a dataset goes to a new or empty folder"
         raise ValueError(f"{out} holds something else ({', '.join(names[:3])}); {place}")

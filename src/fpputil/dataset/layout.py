@@ -37,7 +37,6 @@ from fpputil.optics.system import PITCHES
 
 FORMAT, VERSION = "SynthFringe", 1
 MANIFEST, LOCK = "manifest.json", ".lock"
-PARTIAL = "*.*-????????.part"  # what `write_whole` leaves behind if its process is killed
 PLAN = ("settings", "system", "pitches", "frames", "models")
 """Entries of a manifest that decide what the dataset holds."""
 

@@ -69,9 +69,7 @@ class SFNet(nn.Module):
         self.frames = tuple(whole("frames", n, 1) for n in frames)
         if len(self.frames) != 2:
             raise ValueError(f"frames {frames} given; one number for each of the two pitches")
-        if mixing not in MIXING:
-            raise ValueError(f"mixing {mixing!r} given; one of {', '.join(MIXING)} is needed")
-        self.mixing, outputs = mixing, whole("outputs", outputs, 1)
+        self.mixing, outputs = _mixing(mixing), whole("outputs", outputs, 1)
         widths = widths_of(base, levels)
         bottom = widths[-1] * (1 if mixing == "none" else 2)
         skips = [w * (2 if mixing == "every level" else 1) for w in widths[:-1]]
@@ -98,6 +96,12 @@ class SFNet(nn.Module):
             *skips, deepest = pyramid[:alone] + joined
             outputs.append(decoder(self.dropout(deepest), skips))
         return torch.stack(outputs, 1)[..., :height, :width]
+
+
+def _mixing(name: str) -> str:
+    if name not in MIXING:
+        raise ValueError(f"mixing {name!r} given; one of {', '.join(MIXING)} is needed")
+    return name
 
 
 @dataclass(frozen=True)
@@ -144,8 +148,7 @@ class SFNetMethod(Method):
             raise ValueError(
                 f"reference {self.reference!r} given; one of {', '.join(SECOND)} is needed"
             )
-        if self.mixing not in MIXING:
-            raise ValueError(f"mixing {self.mixing!r} given; one of {', '.join(MIXING)} is needed")
+        _mixing(self.mixing)
         if not isinstance(self.weights, Weights):
             raise ValueError(f"weights {self.weights!r} given; SFNet needs those of its losses")
         super().__post_init__()
