@@ -1,4 +1,4 @@
-"""What a page shows of a cell: numbers inside sentences, and tables."""
+"""What a page shows of a cell: numbers inside sentences, claims of the text, and tables."""
 
 from __future__ import annotations
 
@@ -30,6 +30,28 @@ def say(prefix: str, **texts: str) -> None:
         if not isinstance(text, str):
             raise TypeError(f"{name} {text!r} given; a formatted text is needed, as f'{{x:.2f}}'")
         glue(f"{prefix}-{name.replace('_', '-')}", text, display=False)
+
+
+def claim(holds: bool, says: str) -> None:
+    """Guard a sentence of the text: print nothing while it holds, a note when it does not.
+
+    A reader who changes a number gets the note and goes on. The tests of the book fail at it.
+
+    Parameters
+    ----------
+    holds : bool
+        Whether the computed numbers bear the sentence out; arrays are not taken.
+    says : str
+        What the text says, as "five steps are noisier than fifteen".
+
+    Examples
+    --------
+    >>> claim(3 > 2, "three is more than two")
+    >>> claim(2 > 3, "the first is larger")
+    Note: the text says that the first is larger; with these numbers it is not so.
+    """
+    if not holds:
+        print(f"Note: the text says that {says}; with these numbers it is not so.")
 
 
 @dataclass(frozen=True)
