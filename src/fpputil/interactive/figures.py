@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from scipy.special import ndtr
 
 from fpputil.decoding.geometric_constraint import minimum_phase
 from fpputil.decoding.phase import modulation, numerator_denominator, wrapped_phase
+from fpputil.decoding.pointcloud import fit_sphere
+from fpputil.decoding.triangulation import triangulate
 from fpputil.decoding.unwrap import wrap
-from fpputil.interactive.live import Live, explore, slider
+from fpputil.interactive.live import Live, colours, explore, pack, slider, space
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.pinhole import Pinhole
-from fpputil.optics.system import System, preset
+from fpputil.optics.system import Pitches, System, preset
+from fpputil.plotting import frustum
 
 HERE = Path(__file__).parent
 
@@ -147,6 +153,94 @@ def _rate(sigma, fine, middle) -> float:
     pitches = np.array([912, *([114] if middle else []), FINE[fine]])
     spread = sigma * np.hypot(1, pitches[:-1] / pitches[1:])
     return float((2 * ndtr(-np.pi / spread)).sum())
+
+
+COLOURED = ("stripes", "depth", "error")
+ROOM = 5.0  # mm; what is further off counts as lost, and the colours of the error end there
+STEPS = 15
+PART = 1 / 64  # of a column
+
+
+def cloud(
+    mesh: trimesh.Trimesh, system: System, pitches: Pitches, look_from: Sequence[float],
+    angle: float, stripe: float = 57.0, ball: bool = False,
+    shown: Sequence[str] = (), alt: str = "", instead_of: str = "",
+) -> Live:  # fmt: skip
+    """A measured surface under sliding stripes, noise and a wrong focal length. Chapter 6.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The surface as the camera sees it, mm; each vertex is one pixel's point.
+    system, pitches
+        What measures it.
+    look_from, angle
+        As of `space`, but from the middle of the surface on, which is looked at.
+    stripe : float
+        Pitch of the stripes that are shown, projector columns.
+    ball : bool
+        Whether the radius of a sphere through all points is told.
+    shown : sequence of str
+        The controls; empty for all.
+    """
+    camera, projector = system.camera, system.projector
+    pixels = np.round(camera.project(mesh.vertices)).astype("u2")
+    column = np.round(projector.project(mesh.vertices)[:, 0] / PART).astype("u2")
+    middle = mesh.vertices.mean(axis=0)
+    near, far = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
+    data = {"u": pixels[:, 0], "v": pixels[:, 1], "pitches": list(pitches.descending)}
+    data["column"] = pack(column, scale=PART)
+    data["camera"] = {"f": camera.K[0, 0], "cx": camera.K[0, 2], "cy": camera.K[1, 2]}
+    lens = {"f": projector.K[0, 0], "cx": projector.K[0, 2], "cy": projector.K[1, 2]}
+    place = {"R": projector.R.round(12).tolist(), "t": projector.t.round(9).tolist()}
+    data["projector"] = lens | place | {"height": projector.height}
+    data |= {"near": round(near, 3), "far": round(far, 3), "room": ROOM, "ball": ball}
+    data |= {"depths": colours("cividis_r"), "errors": colours("RdBu_r")}
+    data |= {"stripe": stripe, "steps": STEPS}
+    start = int(np.argmin(np.linalg.norm(mesh.vertices - middle, axis=1)))
+    controls = [
+        {"name": "colour", "label": "colours", "value": "stripes", "choices": list(COLOURED)},
+        slider("step", "step of the stripes", 0, STEPS - 1, 0, play=120),
+        slider("sigma", "phase noise", 0, 0.15, 0.01, 0.005, "rad"),
+        {"name": "three", "label": f"pitch {pitches.mid:g} between", "value": True},
+        slider("focal", "focal length of projector off", -1, 1, 0, 0.05, "%"),
+        slider("over", "point", 0, len(mesh.vertices) - 1, start),
+        slider("seed", "another draw", 0, 99, 0, play=400),
+    ]
+    data["fixed"] = {control["name"]: control["value"] for control in controls}
+    controls = [control for control in controls if not shown or control["name"] in shown]
+    settings = [{"sigma": 0, "focal": f, "over": k} for f, k in ((0, start), (0.5, 0), (-1, 99))]
+    measured = partial(_pointed, pixels, PART * column, system, ball)
+    checks = [(s, measured(s["focal"], s["over"])) for s in settings]
+    rays = np.repeat([[0.0, 0, 0], middle], 5, axis=0)
+    rays[:2] = [projector.centre, middle]
+    bodies = [
+        {"name": "surface", "mesh": mesh, "colour": "grey", "as_points": "points"},
+        {"name": "ray and sheet of light", "points": rays, "lines": True, "colour": "darkorange"},
+        {"name": "camera", "mesh": frustum(camera, 0.9 * near, 1.5), "colour": "grey"},
+        {"name": "projector", "mesh": frustum(projector, 0.9 * near, 1.5), "colour": "goldenrod"},
+    ]
+    for body in bodies[1 if shown and "over" not in shown else 2 :]:
+        body["visible"] = False
+    return space(
+        bodies, middle + look_from, middle, alt, angle, instead_of,
+        controls, _formula("cloud"), data, checks, hover="over",
+    )  # fmt: skip
+
+
+def _pointed(pixels, column, system: System, ball, focal, over) -> dict:
+    """Numbers of `cloud` without noise, by the library."""
+    columns = np.full((system.camera.height, system.camera.width), np.nan)
+    columns[pixels[:, 1], pixels[:, 0]] = column
+    K = system.projector.K.copy()
+    K[0, 0] *= 1 + focal / 100
+    off = replace(system, projector=replace(system.projector, K=K))
+    true, here = (triangulate(columns, s)[pixels[:, 1], pixels[:, 0]] for s in (system, off))
+    away = np.linalg.norm(here - true, axis=1)
+    near = away[away < ROOM]
+    found = {"column": column[over], "depth": here[over, 2], "wrong orders": 0.0}
+    found[f"RMS within {ROOM:g} mm"] = np.sqrt(np.mean(near**2)) if len(near) else 0.0
+    return found | ({"radius": fit_sphere(here).radius} if ball else {})
 
 
 def box(instead_of: str = "") -> Live:

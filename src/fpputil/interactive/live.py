@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+
+from fpputil.notebook import Table
 
 RUNTIME = Path(__file__).with_name("runtime.js")
 
@@ -27,20 +30,23 @@ class Live:
         What ``runtime.js`` draws.
     instead_of : str
         Name of the still picture whose place it takes on a page.
+    table : Table, optional
+        What stands there without JavaScript.
     """
 
-    def __init__(self, spec: dict, instead_of: str = ""):
-        self.spec, self.instead_of = spec, instead_of
+    def __init__(self, spec: dict, instead_of: str = "", table: Table | None = None):
+        self.spec, self.instead_of, self.table = spec, instead_of, table
 
     def _repr_mimebundle_(self, include=None, exclude=None):
         text = json.dumps(self.spec, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
         text = text.replace("</", "<\\/")
         data = f'<script type="application/json">{text}</script>'
+        still = self.table._repr_html_() if self.table else ""
         html = (
-            f'<div class="fpp-live" data-instead-of="{self.instead_of}">{data}</div>\n'
+            f'<div class="fpp-live" data-instead-of="{self.instead_of}">{still}{data}</div>\n'
             f"<script data-fpp-runtime>{RUNTIME.read_text(encoding='utf-8')}</script>"
         )
-        return {"text/html": html, "text/plain": ""}
+        return {"text/html": html, "text/plain": str(self.table or "")}
 
 
 def slider(
@@ -87,10 +93,32 @@ def explore(
     >>> figure.spec["controls"][0]["value"]
     3
     """
+    return Live({"kind": "explore"} | _computed(controls, formula, data, checks), instead_of)
+
+
+def _computed(controls, formula, data, checks) -> dict:
     packed = {k: pack(v) if isinstance(v, np.ndarray) else v for k, v in (data or {}).items()}
-    spec = {"kind": "explore", "controls": list(controls), "formula": formula, "data": packed}
+    spec = {"controls": list(controls), "formula": formula, "data": packed}
     spec["checks"] = [[v, {k: _short(x) for k, x in n.items()}] for v, n in checks]
-    return Live(spec, instead_of)
+    return spec
+
+
+def sortable(table: Table, instead_of: str = "") -> Live:
+    """A table that is sorted by a click on a head, and compared with one of its rows.
+
+    Examples
+    --------
+    >>> sortable(Table(["method", "MAE"], [["a", 2.0], ["b", 1.0]])).spec["checks"]
+    [[{'column': 1}, {'first': 1}], [{'column': 1, 'down': True}, {'first': 0}]]
+    """
+    last = len(table.columns) - 1
+    cells = [
+        float(re.match(r"[-+]?[\d.]+", str(row[last]).replace("\u2212", "-"))[0])
+        for row in table.rows
+    ]
+    ends = [({}, int(np.argmin(cells))), ({"down": True}, int(np.argmax(cells)))]
+    checks = [[{"column": last} | way, {"first": row}] for way, row in ends]
+    return Live({"kind": "table", "checks": checks}, instead_of, table)
 
 
 def maps(
@@ -130,8 +158,10 @@ def maps(
 
 
 def space(
-    bodies: Sequence[dict], look_from, look_at, alt: str, angle: float = 30.0, instead_of: str = ""
-) -> Live:
+    bodies: Sequence[dict], look_from, look_at, alt: str, angle: float = 30.0, instead_of: str = "",
+    controls: Sequence[dict] = (), formula: str = "", data: Mapping | None = None,
+    checks: Sequence[tuple[dict, dict]] = (), hover: str = "",
+) -> Live:  # fmt: skip
     """Meshes and points in space, to turn and to come closer to.
 
     Parameters
@@ -139,7 +169,7 @@ def space(
     bodies : sequence of dict
         Each with name and mesh (Trimesh) or points (P, 3), mm; with a colour, or values of each
         vertex and a cmap, low and high; {"visible": False} hides it at first, "as_points" names a
-        second body of its vertices alone.
+        second body of its vertices alone; {"lines": True} joins points 0 and 1, 2 and 3 ...
     look_from, look_at : (x, y, z)
         mm.
     alt : str
@@ -148,6 +178,11 @@ def space(
         Of the view, degrees.
     instead_of : str
         As of `Live`.
+    controls, formula, data, checks
+        As of `explore`; the formula returns {bodies: {name: {place, hue}}, numbers}: new vertices,
+        3 floats each, and their colours, 4 bytes each.
+    hover : str
+        Name of the slider that a pointer moves: to the vertex of the first body under it.
     """
     import matplotlib.colors
 
@@ -166,7 +201,9 @@ def space(
             body["colours"] = colours(b.get("cmap", "viridis"))
         else:
             body["colour"] = [round(255 * c) for c in matplotlib.colors.to_rgb(b["colour"])]
-        spec["bodies"].append(body | {name: b[name] for name in ("size", "visible") if name in b})
+        spec["bodies"].append(
+            body | {name: b[name] for name in ("size", "visible", "lines") if name in b}
+        )
         if "as_points" in b:
             same = {"colour": body["colour"]} if "colour" in body else {}
             points.append({"name": b["as_points"], "like": k, "visible": False, "size": 2} | same)
@@ -176,6 +213,7 @@ def space(
     yaw, pitch = np.arctan2(ahead[0], ahead[2]), np.arcsin(ahead[1] / distance)
     spec["eye"] = {"at": [_short(x) for x in target], "yaw": _short(yaw), "pitch": _short(pitch)}
     spec["eye"] |= {"distance": _short(distance), "angle": angle}
+    spec |= _computed(controls, formula, data, checks) | {"hover": hover} if formula else {}
     return Live(spec, instead_of)
 
 

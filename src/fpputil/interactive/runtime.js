@@ -199,6 +199,9 @@
     return root;
   }
 
+  const told = (numbers) => Object.entries(numbers || {}).map(([name, [value, unit]]) =>
+    html("span", { "data-number": name, "data-value": value }, `${name} `, html("b", {}, show(value) + (unit ? " " + unit : ""))));
+
   // --- A: a formula under sliders --------------------------------------------------------
   // The formula is (values, data, tools) => ({plots: [...], numbers: {name: [value, unit]}})
   function explore(root, spec) {
@@ -226,8 +229,7 @@
     function draw() {
       const shown = compute(values);
       plots.replaceChildren(...shown.plots.map(plot));
-      numbers.replaceChildren(...Object.entries(shown.numbers || {}).map(([name, [value, unit]]) =>
-        html("span", { "data-number": name, "data-value": value }, `${name} `, html("b", {}, show(value) + (unit ? " " + unit : "")))));
+      numbers.replaceChildren(...told(shown.numbers));
     }
     draw();
   }
@@ -317,9 +319,15 @@
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, preserveDrawingBuffer: true });
     if (!gl) throw new Error("no WebGL here");
     const names = spec.bodies.map((b) => ({ name: b.name, value: b.visible !== false }));
-    const { values, box } = controls(names, once(draw));
-    box.classList.add("fpp-checks");
-    root.append(canvas, box);
+    const checks = controls(names, once(draw)), values = checks.values;
+    checks.box.classList.add("fpp-checks");
+    root.append(canvas);
+    if (names.length > 1) root.append(checks.box);
+    // The formula is (values, data, tools) => ({bodies: {name: {place, hue}}, numbers})
+    const formula = spec.formula && new Function("values", "data", "tools", spec.formula);
+    const above = controls(spec.controls || [], once(() => { form(); draw(); }));
+    const numbers = html("div", { class: "fpp-numbers", "aria-live": "polite" });
+    if (formula) root.prepend(above.box), root.append(numbers);
     const program = gl.createProgram();
     for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
       const shader = gl.createShader(kind);
@@ -341,18 +349,39 @@
       }
       const array = gl.createVertexArray();
       gl.bindVertexArray(array);
-      [[place, 3, gl.FLOAT, false], [hue, 4, gl.UNSIGNED_BYTE, true]].forEach(([data, size, type, norm], k) => {
-        gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+      const buffers = [[place, 3, gl.FLOAT, false], [hue, 4, gl.UNSIGNED_BYTE, true]].map(([data, size, type, norm], k) => {
+        const buffer = gl.createBuffer();
+        gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
         gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
         gl.enableVertexAttribArray(k);
         gl.vertexAttribPointer(k, size, type, norm, 0, 0);
+        return buffer;
       });
       if (b.faces) {
         gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
         gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, Uint32Array.from(b.faces), gl.STATIC_DRAW);
       }
-      return { b, n, array, count: b.faces ? b.faces.length : n };
+      return { b, n, array, buffers, place, count: b.faces ? b.faces.length : n };
     });
+    const compute = (v) => formula(v, spec.data, { wrap, random, clamp, show });
+    function form() {  // what the formula makes of the bodies
+      const made = compute(above.values);
+      for (const body of bodies) {
+        const { place, hue } = made.bodies[body.b.name] || {};
+        body.place = place || body.place;
+        [place, hue].forEach((data, k) => {
+          if (!data) return;
+          gl.bindBuffer(gl.ARRAY_BUFFER, body.buffers[k]);
+          gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
+        });
+      }
+      numbers.replaceChildren(...told(made.numbers));
+    }
+    if (formula) {
+      root.compute = (v) => compute({ ...above.values, ...v });  // for the tests
+      root.checks = spec.checks;
+      form();
+    }
     const eye = { ...spec.eye };  // {at: [x, y, z], yaw, pitch, distance, angle}
     const home = { ...spec.eye };
     function draw() {
@@ -374,7 +403,7 @@
         gl.bindVertexArray(array);
         gl.uniform1f(where.lit, b.faces ? 1 : 0);
         gl.uniform1f(where.size, (b.size || 2) * ratio);
-        if (b.faces) gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 0); else gl.drawArrays(gl.POINTS, 0, count);
+        if (b.faces) gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 0); else gl.drawArrays(b.lines ? gl.LINES : gl.POINTS, 0, count);
       }
       canvas.dataset.yaw = eye.yaw.toFixed(3);
       canvas.dataset.pitch = eye.pitch.toFixed(3);
@@ -382,13 +411,30 @@
     }
     const redraw = once(draw), turn = (x, y) => { eye.yaw += x; eye.pitch = clamp(eye.pitch + y, -1.57, 1.57); redraw(); };
     const closer = (factor) => { eye.distance = clamp(eye.distance * factor, home.distance / 20, home.distance * 5); redraw(); };
+    // The vertex of the first body under a pointer, for the slider that spec.hover names.
+    const nearest = (e) => {
+      const box = canvas.getBoundingClientRect(), [x, y] = [e.clientX - box.left - box.width / 2, e.clientY - box.top - box.height / 2];
+      const [cy, sy, cp, sp] = [Math.cos(eye.yaw), Math.sin(eye.yaw), Math.cos(eye.pitch), Math.sin(eye.pitch)];
+      const f = box.height / 2 / Math.tan((eye.angle * Math.PI) / 360), place = bodies[0].place;
+      let [best, least] = [-1, 100];  // within ten pixels; of several the one in front
+      for (let k = 0, front = Infinity; k < bodies[0].n; k++) {
+        const d = eye.at.map((c, a) => place[3 * k + a] - c), z = eye.distance + sy * cp * d[0] + sp * d[1] + cy * cp * d[2];
+        const off = ((f * (cy * d[0] - sy * d[2])) / z - x) ** 2 + ((f * (cp * d[1] - sy * sp * d[0] - cy * sp * d[2])) / z - y) ** 2;
+        if (off < least && z < front + 5) { best = k; least = Math.max(off, 9); front = Math.min(front, z); }
+      }
+      return best;
+    };
     const fingers = new Map();
     let spread = 0;
     canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, e); spread = 0; });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => { fingers.delete(e.pointerId); spread = 0; });
     canvas.addEventListener("pointermove", (e) => {
       const last = fingers.get(e.pointerId);
-      if (!last) return;
+      if (!last) {
+        const k = spec.hover ? nearest(e) : -1;
+        if (k >= 0) above.set[spec.hover]?.(k);
+        return;
+      }
       fingers.set(e.pointerId, e);
       if (fingers.size === 1) return turn(-(e.clientX - last.clientX) / 150, (e.clientY - last.clientY) / 150);
       const [a, b] = [...fingers.values()], now = Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
@@ -405,6 +451,41 @@
     });
     new ResizeObserver(redraw).observe(canvas);
     draw();
+  }
+
+  // --- D: a table that is sorted by its heads, and compared with one of its rows --------
+  function table(root, spec) {
+    const body = root.querySelector("tbody"), rows = [...body.rows], heads = [...root.querySelectorAll("thead th")];
+    const texts = rows.map((row) => [...row.cells].map((cell) => cell.textContent));
+    const number = (text) => (/^[\s\u2212+-]*[\d.]/.test(text) ? parseFloat(text.replace("\u2212", "-")) : NaN);
+    const compare = { name: "than", label: "compare with", value: "no row", choices: ["no row", ...texts.map((t) => t[0])] };
+    const { values, box } = controls([compare], tell);
+    root.prepend(box);
+    function tell() {  // ratios to the chosen row
+      const base = texts.find((t) => t[0] === values.than);
+      rows.forEach((row, r) => [...row.cells].forEach((cell, c) => {
+        const ratio = base && c ? number(texts[r][c]) / number(base[c]) : NaN;
+        cell.textContent = Number.isFinite(ratio) ? `${texts[r][c]} (\u00d7${ratio.toFixed(2)})` : texts[r][c];
+        row.classList.toggle("fpp-base", texts[r] === base);
+      }));
+    }
+    function order(column, down) {
+      const key = (r) => { const x = number(texts[r][column]); return Number.isNaN(x) ? texts[r][column] : x; };
+      const less = (a, b) => (typeof a === typeof b ? (a < b ? -1 : a > b ? 1 : 0) : typeof a === "number" ? -1 : 1);
+      return [...rows.keys()].sort((a, b) => (down ? -1 : 1) * less(key(a), key(b)) || a - b);
+    }
+    heads.forEach((head, column) => {
+      const button = html("button", { type: "button", class: "fpp-sort", ...MINE }, head.textContent || "row");
+      head.replaceChildren(button);
+      button.addEventListener("click", () => {
+        const down = head.getAttribute("aria-sort") === "ascending";
+        heads.forEach((h) => h.removeAttribute("aria-sort"));
+        head.setAttribute("aria-sort", down ? "descending" : "ascending");
+        body.append(...order(column, down).map((r) => rows[r]));
+      });
+    });
+    root.checks = spec.checks;
+    root.compute = ({ column, down }) => ({ numbers: { first: [order(column, down)[0]] } });  // for the tests
   }
 
   // --- page ------------------------------------------------------------------------------
@@ -428,6 +509,8 @@
   .fpp-plot { width: 100%; height: auto; overflow: visible; font-size: 11px; } .fpp-plot text { fill: currentColor; stroke: none; } .fpp-title { font-size: 12px; font-weight: 600; }
   .fpp-handle { cursor: grab; touch-action: none; } .fpp-plot [data-move] { touch-action: none; }
   .fpp-again, .fpp-play { font: inherit; color: inherit; background: none; border: 1px solid currentColor; border-radius: 3px; padding: 0 .5em; cursor: pointer; opacity: .8; } .fpp-again { justify-self: start; align-self: center; }
+  .fpp-sort { font: inherit; color: inherit; background: none; border: 0; padding: 0; cursor: pointer; text-align: inherit; } .fpp-sort::after { content: " \\2195"; opacity: .5; } [aria-sort=ascending] .fpp-sort::after { content: " \\2191"; opacity: 1; } [aria-sort=descending] .fpp-sort::after { content: " \\2193"; opacity: 1; }
+  .fpp-live:has(table) { overflow-x: auto; } .fpp-base { font-weight: 600; }
   .fpp-grid { stroke: currentColor; opacity: .18; stroke-width: .8; }
   .fpp-space { width: 100%; aspect-ratio: 16/10; touch-action: pan-y; cursor: grab; display: block; } .fpp-live :focus-visible { outline: 2px solid var(--c1); }
   @media screen { .fpp-played > img { display: none; } }
@@ -437,12 +520,12 @@
     root.dataset.on = "starting";
     try {
       const spec = await unpack(JSON.parse(root.querySelector("script[type='application/json']").textContent));
-      await { explore, maps, space }[spec.kind](root, spec);
+      await { explore, maps, space, table }[spec.kind](root, spec);
       root.dataset.kind = spec.kind;
       root.dataset.on = "yes";
     } catch (error) {
       root.dataset.on = "no";  // the still picture stays
-      root.replaceChildren();
+      root.querySelectorAll(":scope > :not(table)").forEach((part) => part.remove());
       document.getElementById(root.dataset.insteadOf)?.classList.remove("fpp-played");
       console.warn("A figure stays still:", error.message);
     }
