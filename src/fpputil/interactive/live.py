@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fpputil.decoding.phase import modulation, numerator_denominator
 from fpputil.notebook import Table
 
 RUNTIME = Path(__file__).with_name("runtime.js")
@@ -122,8 +123,9 @@ def sortable(table: Table, instead_of: str = "") -> Live:
 
 
 def maps(
-    shown: Sequence[dict], frames: Sequence[str] = (), label: str = "frame", instead_of: str = ""
-) -> Live:
+    shown: Sequence[dict], frames: Sequence[str] = (), label: str = "frame", instead_of: str = "",
+    samples: Mapping[str, np.ndarray] | None = None,
+) -> Live:  # fmt: skip
     """Maps to be read pixel by pixel.
 
     Parameters
@@ -135,6 +137,8 @@ def maps(
         Names of what a slider leafs through.
     label, instead_of : str
         Of that slider; as of `Live`.
+    samples : mapping of (N, H, W) uint8, optional
+        Photographs of each phase shift, by name; those of the pixel are drawn with their sinusoid.
     """
     size, stacks = list(np.shape(shown[0]["values"])[-2:]), {}
     spec = {"kind": "maps", "size": size, "maps": [], "checks": []}
@@ -149,9 +153,14 @@ def maps(
         entry |= {"colours": colours(m.get("cmap", "viridis")), "values": quantised(values)}
         spec["maps"].append(entry)
         stacks[m["name"]] = values
+    if samples:
+        spec["samples"] = {name: pack(np.asarray(stack)) for name, stack in samples.items()}
     seen = np.argwhere(np.isfinite(next(reversed(stacks.values()))[0].astype(float)))
     for frame, (v, u) in zip((0, len(frames) // 2), seen[[len(seen) // 2, -1]], strict=True):
         at = {k: float(a[min(frame, len(a) - 1), v, u]) for k, a in stacks.items()}
+        for name, stack in (samples or {}).items():
+            M, D = numerator_denominator(stack[:, v, u])
+            at[name] = float(modulation(M, D, len(stack)))
         numbers = {k: _short(x) for k, x in at.items() if np.isfinite(x)}
         spec["checks"].append([{"frame": frame, "v": int(v), "u": int(u)}, numbers])
     return Live(spec, instead_of)

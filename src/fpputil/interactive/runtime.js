@@ -254,7 +254,15 @@
       grid.append(html("figure", {}, html("figcaption", {}, m.name), html("div", { class: "fpp-map" }, canvas, cross), legend));
       return { m, canvas, cross };
     });
-    root.append(box, grid, table);
+    const samples = html("div", { class: "fpp-plots" });
+    root.append(box, grid, table, samples);
+    // The samples of a pixel at each pitch, {name: (N, H, W)}, and the sinusoid of their phase shift.
+    const sampled = (v, u) => Object.entries(spec.samples || {}).map(([name, stack]) => {
+      const N = stack.shape[0], I = [...Array(N).keys()].map((n) => stack.real((n * h + v) * w + u));
+      const sum = (of) => I.reduce((total, x, n) => total + x * of((2 * Math.PI * n) / N), 0);
+      const A = sum(() => 1) / N, M = sum(Math.sin), D = sum(Math.cos), B = (2 / N) * Math.hypot(M, D);
+      return { name, N, I, B, at: (n) => A + (2 / N) * (D * Math.cos((2 * Math.PI * n) / N) + M * Math.sin((2 * Math.PI * n) / N)) };
+    });
     const index = (m, v, u) => ((m.values.shape[0] > 1 ? values.frame || 0 : 0) * h + v) * w + u;
     function paint() {
       for (const { m, canvas } of shown) {
@@ -277,11 +285,18 @@
           const x = m.values.real(index(m, v, u));
           return html("span", { "data-number": m.name, "data-value": x }, `${m.name} `, html("b", {}, x === x ? `${show(x, 4)} ${m.unit || ""}` : "no value"));
         }));
+      samples.replaceChildren(...sampled(v, u).map(({ name, N, I, B, at }) => {
+        const fine = [...Array(8 * N + 1).keys()].map((k) => k / 8);
+        return plot({ title: `${name}: modulation ${show(B)}`, x: [0, N], y: [0, 255], xlabel: "step", ylabel: "grey level",
+          marks: [{ line: [fine, fine.map(at)], colour: 0 }, { dots: [[...I.keys()], I], colour: 1 }] });
+      }));
     }
     root.checks = spec.checks;
     root.compute = ({ frame, v, u }) => {  // for the tests
       values.frame = frame;
-      return { numbers: Object.fromEntries(spec.maps.map((m) => [m.name, [m.values.real(index(m, v, u)), m.unit, m.values.scale]])) };
+      const numbers = Object.fromEntries(spec.maps.map((m) => [m.name, [m.values.real(index(m, v, u)), m.unit, m.values.scale]]));
+      for (const { name, B } of sampled(v, u)) numbers[name] = [B];
+      return { numbers };
     };
     const point = (event) => {
       const canvas = event.target.closest(".fpp-map")?.querySelector("canvas");
@@ -471,8 +486,9 @@
     }
     function order(column, down) {
       const key = (r) => { const x = number(texts[r][column]); return Number.isNaN(x) ? texts[r][column] : x; };
-      const less = (a, b) => (typeof a === typeof b ? (a < b ? -1 : a > b ? 1 : 0) : typeof a === "number" ? -1 : 1);
-      return [...rows.keys()].sort((a, b) => (down ? -1 : 1) * less(key(a), key(b)) || a - b);
+      const kind = (x) => ["number", "string"].indexOf(typeof x);  // numbers stand before words, whichever way
+      const less = (a, b) => kind(a) - kind(b) || (down ? -1 : 1) * (a < b ? -1 : a > b ? 1 : 0);
+      return [...rows.keys()].sort((a, b) => less(key(a), key(b)) || a - b);
     }
     heads.forEach((head, column) => {
       const button = html("button", { type: "button", class: "fpp-sort", ...MINE }, head.textContent || "row");
