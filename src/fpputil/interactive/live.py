@@ -112,13 +112,13 @@ def sortable(table: Table, instead_of: str = "") -> Live:
     >>> sortable(Table(["method", "MAE"], [["a", 2.0], ["b", 1.0]])).spec["checks"]
     [[{'column': 1}, {'first': 1}], [{'column': 1, 'down': True}, {'first': 0}]]
     """
-    last = len(table.columns) - 1
-    cells = [
-        float(re.match(r"[-+]?[\d.]+", str(row[last]).replace("\u2212", "-"))[0])
-        for row in table.rows
-    ]
-    ends = [({}, int(np.argmin(cells))), ({"down": True}, int(np.argmax(cells)))]
-    checks = [[{"column": last} | way, {"first": row}] for way, row in ends]
+    checks = []
+    for column in range(1, len(table.columns)):
+        numbers = [re.match(r"[-+]?[\d.]+", str(row[column])) for row in table.rows]
+        cells = [float(found[0]) if found else np.nan for found in numbers]
+        if np.isfinite(cells).any():
+            checks.append([{"column": column}, {"first": int(np.nanargmin(cells))}])
+            checks.append([{"column": column, "down": True}, {"first": int(np.nanargmax(cells))}])
     return Live({"kind": "table", "checks": checks}, instead_of, table)
 
 
