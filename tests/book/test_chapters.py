@@ -10,13 +10,8 @@ ROOT = Path(__file__).parents[2]
 # The template is held to the same rules as the chapters made from it.
 CHAPTERS = sorted((ROOT / "chapters").glob("*.ipynb"))
 HEAD = [
-    "The road: ",
-    "*You are here: ",
-    "**You will be able to**",
-    "**Prerequisites**",
-    "**Time**",
-    "{time}`read`",
-    "{time}`run`",
+    *("The road: ", "*You are here: ", "**You will be able to**", "**Prerequisites**"),
+    *("**Time**", "{time}`read`", "{time}`run`"),
 ]
 TAIL = ["## Summary", "## What next", "## Exercises"]
 IGNORED = {"nbval-ignore-output", "nbval-skip"}
