@@ -4,9 +4,9 @@
   the hints of `fpputil.exercises`, for ``book/_static/exercises.js`` to read.
 - Solutions: the whole bar opens one, for its title is no link.
 - Predictions: what follows a paragraph with *Predict, then see.* is put in a box, which
-  ``exercises.js`` closes: up to and with the first paragraph after the first figure or other
-  output; without an output in the section, up to and with the first paragraph. The next
-  prediction and the next heading end it as well.
+  ``exercises.js`` closes: all up to the first figure or other output, and on to the end of the
+  first paragraph after it; a paragraph that runs into an equation stays outside, with it. Without
+  an output, the first paragraph. The next prediction and the next heading end it as well.
 """
 
 import base64
@@ -128,8 +128,9 @@ def length_of_answer(following) -> int:
     following = following[: next(ends, len(following))]
     shown = next((k for k, node in enumerate(following) if has_output(node)), -1)
     later = range(shown + 1, len(following))
-    told = (k for k in later if isinstance(following[k], nodes.paragraph))
-    return next(told, len(following) - 1) + 1
+    k = next((k for k in later if isinstance(following[k], nodes.paragraph)), len(following))
+    whole = k < len(following) and following[k].astext().rstrip().endswith((".", "?", "!"))
+    return k + 1 if whole else k  # a sentence that runs into an equation stays with it
 
 
 def is_heading(node) -> bool:
@@ -158,4 +159,4 @@ def setup(app):
     app.add_transform(Predictions)
     app.connect("doctree-resolved", unlink_solutions, priority=900)
     app.connect("html-page-context", load_script)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    return {"env_version": 1, "parallel_read_safe": True, "parallel_write_safe": True}

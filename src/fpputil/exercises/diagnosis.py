@@ -1,8 +1,8 @@
 """What is wrong with a value: one table of likely faults for each expected number.
 
-Tolerance, the same for every number of every exercise: a number is right if it agrees to four
-significant digits, that is, if it is off by no more than one in the fourth digit; of several
-numbers, in the fourth digit of the largest. A whole number is exact.
+Tolerance, the same for every number of every exercise: a number is right if it is the expected one
+rounded to four significant digits, or nearer; of several numbers, the largest has the four digits
+and the others as many decimals. A whole number is exact.
 
 A table is a list of rows (values, tolerance, what it means). An answer means what the first row
 says that it agrees with; the first row of all is the right answer. `check` reads the table in a
@@ -18,7 +18,7 @@ import traceback
 import numpy as np
 
 DIGITS = 4
-NEARLY = "Right as far as it goes; give four digits."
+NEARLY = "Right as far as it goes; give four digits, rounded."
 NOT_WHOLE = "A whole number is wanted."
 CLOSE = "It is close, but not right to four digits: rounded on the way, or a small term left out?"
 LARGE, SMALL = "It is far too large.", "It is far too small."
@@ -67,14 +67,13 @@ def table(expected, unit: str = "", last: float | None = None) -> list[tuple]:
     of_several = last is not None
     last = last if of_several else unit_of_digit(e, DIGITS)
     near = 0.0 if whole else 5 * last  # a fault is told to three digits
-    rows = [(e, 0.0 if whole else last, "")]
+    rows = [(e, 0.0 if whole else last / 2, "")]
 
     def likely(values, says, tolerance=near):
         rows.append((np.asarray(values), tolerance, says))
 
     if not whole:
-        for digits in (3,) if of_several else (3, 2):
-            step = unit_of_digit(e, digits)
+        for step in (last, 10 * last, 100 * last)[: 2 if of_several else 3]:
             for rounding in (np.rint, np.trunc):
                 likely(rounding(e / step * (1 + 1e-12)) * step, NEARLY, 1e-9 * step)
     if e.any():
@@ -84,7 +83,7 @@ def table(expected, unit: str = "", last: float | None = None) -> list[tuple]:
         likely(e - 1, "It is one too few.")
     if unit == "px":
         for half in (0.5, -0.5):
-            likely(e + half, "It is half a pixel off: pixel centres are whole numbers.", last)
+            likely(e + half, "It is half a pixel off: pixel centres are whole numbers.", last / 2)
     if e.ndim:
         likely(e[::-1], "The values are right, their order is not.")
     if e.ndim > 1 and e.T.shape == e.shape:
@@ -92,7 +91,7 @@ def table(expected, unit: str = "", last: float | None = None) -> list[tuple]:
     if unit == "rad":
         for turns in (1, -1, 2, -2, 3, -3):
             likely(e + turns * 2 * math.pi, "It is off by a multiple of 2 pi.")
-    for factor, says in FACTORS if abs(e).max() >= (10 if whole else 1e-300) else ():
+    for factor, says in FACTORS if e.any() else ():
         near_it = 5 * unit_of_digit(factor * e, DIGITS)
         likely(factor * e, says, near_it)
         likely(-factor * e, f"{says} The sign is wrong too.", near_it)
@@ -154,7 +153,7 @@ def of_number(answer, expected, unit: str = "") -> str | None:
     >>> of_number(63.43, 1.1071, "rad")
     'It is 180 / pi times too large: degrees in place of radians?'
     >>> of_number(1.11, 1.1071)
-    'Right as far as it goes; give four digits.'
+    'Right as far as it goes; give four digits, rounded.'
     >>> of_number((351.8, -223.3), (351.82, 223.34))
     'Only the second is wrong. The size is right, the sign is wrong.'
     >>> of_number([[1, 2, 3]], [1, 2, 3])
@@ -272,7 +271,9 @@ def amount(shape: tuple) -> str:
     >>> amount((2,))
     '2 numbers'
     """
-    return {0: "a number", 1: f"{(*shape, 0)[0]} numbers"}.get(len(shape), f"the shape {shape}")
+    if len(shape) < 2:
+        return {(): "a number", (1,): "an array of one number"}.get(shape) or f"{shape[0]} numbers"
+    return f"the shape {shape}"
 
 
 def where(bad) -> str:
@@ -303,6 +304,6 @@ def _of_few(answer, tables) -> str | None:
 
 
 def _of_many(answer, expected) -> str | None:
-    wrong = np.abs(answer - expected) > unit_of_digit(expected, DIGITS)
+    wrong = np.abs(answer - expected) > unit_of_digit(expected, DIGITS) / 2
     first = tuple(map(int, np.argwhere(wrong)[0]))
     return None if wrong.all() else f"It is wrong{where(wrong)}, first at index {first}."
