@@ -22,6 +22,7 @@ from fpputil.exercises import diagnosis, find
 
 CHECK = re.compile(r'check\("(\d+\.\d+)"')
 PREDICT = "Predict, then see."
+EQUATION = (nodes.math_block, nodes.target)  # a target bears the equation's name
 FORM = """<form class="fpp-answer" data-exercise="{data}" hidden>
 <label for="answer-{key}">{label}</label>
 <input id="answer-{key}" type="text" autocomplete="off" autocapitalize="off" spellcheck="false"
@@ -127,10 +128,10 @@ def length_of_answer(following) -> int:
     ends = (k for k, node in enumerate(following) if is_question(node) or is_heading(node))
     following = following[: next(ends, len(following))]
     shown = next((k for k, node in enumerate(following) if has_output(node)), -1)
-    later = range(shown + 1, len(following))
-    k = next((k for k in later if isinstance(following[k], nodes.paragraph)), len(following))
-    whole = k < len(following) and following[k].astext().rstrip().endswith((".", "?", "!"))
-    return k + 1 if whole else k  # a sentence that runs into an equation stays with it
+    told = range(shown + 1, len(following))
+    k = next((k for k in told if isinstance(following[k], nodes.paragraph)), len(following) - 1)
+    runs_on = any(isinstance(node, EQUATION) for node in following[k + 1 : k + 2])
+    return k if runs_on else k + 1
 
 
 def is_heading(node) -> bool:
@@ -159,4 +160,4 @@ def setup(app):
     app.add_transform(Predictions)
     app.connect("doctree-resolved", unlink_solutions, priority=900)
     app.connect("html-page-context", load_script)
-    return {"env_version": 1, "parallel_read_safe": True, "parallel_write_safe": True}
+    return {"env_version": 2, "parallel_read_safe": True, "parallel_write_safe": True}

@@ -21,6 +21,7 @@ extensions += ["fpp_exercises"]
 nb_execution_mode = "off"
 suppress_warnings = ["myst-nb.lexer"]
 myst_enable_extensions = ["colon_fence", "dollarmath"]
+mathjax_path = "exercises.js"  # nothing is loaded from a network
 html_theme = "basic"
 numfig = True
 html_static_path = [{static!r}]
@@ -84,7 +85,7 @@ PAGE = [
     new_markdown_cell("(inside)=\nThe answer.\n\nThe text goes on."),
     new_markdown_cell(f"## Equation\n\n{QUESTION}"),
     cell_that_prints("printed"),
-    new_markdown_cell("We get\n\n> x = 1\n\nand go on."),
+    new_markdown_cell("We get\n\n$$x = 1$$\n\nand go on."),
     new_markdown_cell(f"## Short\n\n{QUESTION}"),
     new_markdown_cell("Only words answer.\n\nThe text goes on again."),
     new_markdown_cell("## Exercises"),
