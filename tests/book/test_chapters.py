@@ -112,7 +112,7 @@ def test_exercises_have_solutions(cells):
     solved = re.findall(r"\{solution-start\} (\S+)\n:class: dropdown", text)
     assert len(starts) >= 4
     assert sorted(starts) == sorted(solved), "one folded solution an exercise"
-    assert text.count("*Hint.*") >= len(starts)
+    assert text.count(":::{dropdown} Hint\n") == len(starts)
 
 
 def test_figures_have_name_caption_and_alt_text(cells):

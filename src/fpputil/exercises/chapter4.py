@@ -1,38 +1,63 @@
-"""Checkers of chapter 4, temporal unwrapping."""
+"""Exercises of chapter 4, temporal unwrapping."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 
 from fpputil.decoding.noise import order_error_rate
 from fpputil.decoding.unwrap import absolute_phase, beat, fringe_order
-from fpputil.exercises import close, exercise
+from fpputil.exercises import exercise
 
 
-@exercise("4.1", "K = round((8 * 1.95 + 3.0) / 2 pi), and Phi_h = phi_h + 2 pi K.")
-def phase_of_an_order(answer):
+@exercise(
+    "4.1",
+    "first the order K from the scaled reference, then the phase; it keeps the accuracy of phi_h.",
+    "K = round((8 * 1.95 + 3.0) / 2 pi), and Phi_h = phi_h + 2 pi K.",
+    unit="rad",
+)
+def phase_of_an_order():
     phi, Phi_ref = np.array(-3.0), np.array(1.95)
-    return close(answer, absolute_phase(phi, fringe_order(phi, Phi_ref, 912 / 114)))
+    return absolute_phase(phi, fringe_order(phi, Phi_ref, 912 / 114))
 
 
-@exercise("4.2", "Set 5 sqrt(1 + r^2) sigma_phi equal to pi and solve for r; keep the 1.")
-def largest_ratio(answer):
-    return close(answer, math.sqrt((math.pi / (5 * 0.05)) ** 2 - 1))
+@exercise(
+    "4.2",
+    "the spread is sqrt(1 + r^2) sigma_phi.",
+    "set 5 sqrt(1 + r^2) sigma_phi equal to pi and solve for r; keep the 1.",
+)
+def largest_ratio():
+    return math.sqrt((math.pi / (5 * 0.05)) ** 2 - 1)
 
 
-@exercise("4.3", "24 q / (q - 24) = 912 gives q = 24 * 912 / (912 - 24).")
-def pitch_for_beat(answer):
-    return float(answer) > 24 and close(beat(24, float(answer)), 912, rtol=0.02)
+@exercise(
+    "4.3",
+    "solve the equation of the beat for the second pitch.",
+    "24 q / (q - 24) = 912 gives q = 24 * 912 / (912 - 24).",
+    unit="columns",
+)
+def pitch_for_beat():
+    return brentq(lambda q: beat(24, q) - 912, 24.5, 30)
 
 
-@exercise("4.4", "The numbers repeat after the least common multiple of the pitches.")
-def unambiguous_columns(answer):
-    return close(answer, math.lcm(15, 21), rtol=0)
+@exercise(
+    "4.4",
+    "15 and 21 have a common divisor.",
+    "the numbers repeat after the least common multiple of the pitches.",
+    unit="columns",
+)
+def unambiguous_columns():
+    return math.lcm(15, 21)
 
 
-@exercise("4.5", "Raise the steps until order_error_rate(8, 50, steps, ...) is below 1e-4.")
-def steps_for_orders(answer):
-    rate = (order_error_rate(8, 50, N, (912, 114, 15)) < 1e-4 for N in range(3, 200))
-    return close(answer, 3 + list(rate).index(True), rtol=0)
+@exercise(
+    "4.5",
+    "noise.order_error_rate, in a loop over the steps.",
+    "raise the steps until order_error_rate(8, 50, steps, (912, 114, 15)) is below 1e-4.",
+    unit="steps",
+)
+def steps_for_orders():
+    pitches = (912, 114, 15)
+    return next(N for N in range(3, 200) if order_error_rate(8, 50, N, pitches) < 1e-4)
