@@ -27,7 +27,7 @@ COLOURS = ("#2e86c1", "#d35400", "#1e8449", "#9b59b6", "#a8870a", "#5d6d7e")
 
 plt.rcParams.update(
     {
-        "figure.dpi": 144,
+        "figure.dpi": 150,
         "figure.constrained_layout.use": True,
         "font.size": 9,
         "axes.titlesize": 9,
