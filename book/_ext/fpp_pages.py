@@ -23,11 +23,11 @@ PATTERNS = {
     "Clipping": None,
     "Guard": r"(?<=the )guard",
     "Rival": r"[Rr]ivals",
-    "Room": r"(?<!in the )(?<!no )room(?! behind)",
+    "Room": r"(?<!in the )(?<!no )(?<!have )room(?! behind)",
     "Run": None,
     "Shade": r"(?<!and )shade",
     "Split": "|".join(f"(?<={word} )split" for word in ("the", "its", "training", "held-out")),
-    "Step": "|".join(f"(?<={count} )steps" for count in COUNTS),
+    "Step": "|".join(f"(?<={count} )(?<!takes four )steps" for count in COUNTS),
     "View": r"(?<!leaves the )(?<!field of )views?",
     "Wave": r"(?<!carrier )(?<!square )waves?",
 }
@@ -105,12 +105,10 @@ def add_definitions(app, pagename, templatename, context, doctree):
         return
     links = [link for link in doctree.findall(nodes.reference) if "fpp-term" in link["classes"]]
     wanted = {link["refuri"].partition("#")[2] for link in links}
-    tips = "".join(
-        f'<div class="fpp-tip" role="tooltip" id="tip-{anchor}" hidden>{rendered(app, meaning)}</div>'
-        for anchor, meaning in definitions(app.env).values()
-        if anchor in wanted
-    )
-    context["body"] += tips
+    for anchor, meaning in definitions(app.env).values():
+        if anchor in wanted:
+            tip = f'<div class="fpp-tip" role="tooltip" id="tip-{anchor}" hidden>'
+            context["body"] += tip + rendered(app, meaning) + "</div>"
 
 
 def rendered(app, node: nodes.Element) -> str:
