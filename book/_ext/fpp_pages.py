@@ -135,7 +135,7 @@ class GalleryDirective(SphinxDirective):
 
 def mark_cells(app, doctree):
     """Give each cell that makes a figure an address: NAME-cell."""
-    for figure in doctree.findall(nodes.figure):
+    for figure in list(doctree.findall(nodes.figure)):
         cell = figure
         while cell is not None and "cell" not in cell.get("classes", ()):
             cell = cell.parent
@@ -182,7 +182,8 @@ def first_sentence(caption: nodes.caption) -> nodes.caption:
     for child in caption.children:
         sentence, end, _ = child.astext().partition(". ")
         if isinstance(child, nodes.Text) and end:
-            return short + [nodes.Text(sentence + ".")]
+            short += nodes.Text(sentence + ".")
+            break
         short += child.deepcopy()
     return short
 

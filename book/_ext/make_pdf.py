@@ -4,13 +4,14 @@ The print is what a reader sees first: folded cells and solutions stay folded, a
 with is its still picture. Front page and contents are made from the page itself.
 """
 
+import os
+import shutil
 import sys
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Error, sync_playwright
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests/book"))
-from test_pages import BROWSER, FLAGS
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 FRONT = """() => {
   document.querySelectorAll('.solution, dialog, .fpp-tip').forEach(e => e.remove());
@@ -40,7 +41,8 @@ FRONT = """() => {
     article h1 { break-before: page; } .fpp-front > h1 { break-before: auto; }
     figure, .math, tr { break-inside: avoid; } figure { margin-inline: 0; }
     img { max-width: 100%; } .toctree-wrapper > p.caption { display: none; }
-    .bd-header-article, .bd-sidebar-secondary, .prev-next-footer, .copybtn { display: none !important; }`;
+    .bd-header-article, .bd-sidebar-secondary, .prev-next-footer, .copybtn {
+      display: none !important; }`;
   document.head.append(style);
 }"""
 FOOT = (
@@ -50,10 +52,12 @@ FOOT = (
 
 
 def main(source: Path, target: Path) -> None:
-    if BROWSER is None:
-        sys.exit("no Chromium or Chrome is installed, which prints the book (apt install chromium)")
+    path = os.environ.get("BROWSER_PATH") or next(filter(None, map(shutil.which, NAMES)), None)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
+        try:  # without a path, playwright takes its own
+            browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        except Error:
+            sys.exit("no Chromium or Chrome was found to print with (Debian: apt install chromium)")
         page = browser.new_page(color_scheme="light", offline=True)
         page.set_default_timeout(600_000)
         page.goto(source.resolve().as_uri())
