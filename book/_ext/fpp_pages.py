@@ -156,8 +156,9 @@ def chapters_in_small(app, docname):
         chapter, page = app.env.get_doctree(name), app.builder.get_relative_uri(docname, name)
         figures = {i: figure for figure in chapter.findall(nodes.figure) for i in figure["ids"]}
         live = "".join(raw.astext() for raw in chapter.findall(nodes.raw))
-        chapter_number = min(numbers[name].values())[0]
-        yield f"<h2>{chapter_number}. {html.escape(app.env.titles[name].astext())}</h2>"
+        number = min(numbers[name].values())
+        title = html.escape(app.env.titles[name].astext())
+        yield f"<h2>{f'{number[0]}. ' if len(number) > 1 else ''}{title}</h2>"
         yield '<div class="fpp-gallery">'
         for anchor, number in sorted(numbers[name].items(), key=lambda pair: pair[1]):
             plays = f'data-instead-of="{anchor}"' in live

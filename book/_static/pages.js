@@ -1,8 +1,6 @@
 /* Pictures open large, arrow keys turn pages, a term shows its definition. */
 (() => {
   "use strict";
-  const touched = (name, node) => node.closest(name);
-
   // --- pictures ----------------------------------------------------------------------------
   const large = document.createElement("dialog");
   large.className = "fpp-large";
@@ -17,8 +15,9 @@
   }
   function offerPictures() {
     document.body.append(large);
+    const played = new Set([...document.querySelectorAll("[data-instead-of]")].map((e) => e.dataset.insteadOf));
     for (const image of document.querySelectorAll("article figure img, article .cell_output img")) {
-      if (touched("a, .fpp-live, .fpp-played, .fpp-gallery", image)) continue;
+      if (image.closest("a, .fpp-live") || played.has(image.closest("figure")?.id)) continue;
       image.classList.add("fpp-enlarges");
       image.tabIndex = 0;
       image.setAttribute("role", "button");
@@ -37,7 +36,7 @@
   document.addEventListener("keydown", (e) => {
     const [way] = TURNS[e.key] || [];
     if (!way || e.defaultPrevented || e.altKey || e.ctrlKey || e.metaKey || e.shiftKey) return;
-    if (large.open || touched(BUSY, document.activeElement)) return;
+    if (large.open || document.activeElement.closest(BUSY)) return;
     beside(way)?.click();
   });
   function hintKeys() {

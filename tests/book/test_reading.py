@@ -172,8 +172,8 @@ def test_the_gallery_has_all_numbered_figures(opened):
         a.get_attribute("href").rpartition("/")[2] for a in gallery.query_selector_all(".fpp-thumb")
     }
     there = set()
-    for name in CHAPTERS:
-        page = opened(f"chapters/{name}")
+    for path in ("book/index", *(f"chapters/{name}" for name in CHAPTERS)):
+        page, name = opened(path), path.partition("/")[2]
         for figure in page.query_selector_all("article figure:has(.caption-number)"):
             anchor = f"{figure.get_attribute('id')}-cell"
             assert page.query_selector(f"#{anchor} + div.cell"), anchor
