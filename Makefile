@@ -17,7 +17,7 @@ CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
 HOME_IS := $(shell "$(PYTHON)" -c 'import sys; print(sys.version_info[:3])' 2>/dev/null) $(CURDIR)
 STAMP := $(VENV)/.installed-$(shell { cat requirements.lock pyproject.toml; echo '$(BLENDER) $(TORCH) $(HOME_IS)'; } | cksum | cut -d' ' -f1)
 
-.PHONY: help book test pages lab results bench mutants lint format lock clean install
+.PHONY: help book test pages pdf lab results bench mutants lint format lock clean install
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.11] [BLENDER=0] [ALL=1] [TORCH=wheel-or-requirement]"
@@ -41,6 +41,11 @@ test: install ## prove it: style, unit tests, every chapter, every page; ALL=1: 
 
 pages: install ## render the pages from the stored outputs, executing nothing
 	FPP_EXECUTE=off $(BIN)/jupyter-book build . -W -n --keep-going --path-output _build/stored
+
+PDF ?= _build/book.pdf
+pdf: install ## print the book, from the stored outputs, as one PDF (needs Chromium or Chrome)
+	FPP_EXECUTE=off $(BIN)/jupyter-book build . --builder singlehtml --path-output _build/stored
+	$(BIN)/python book/_ext/make_pdf.py _build/stored/_build/singlehtml/book/index.html $(PDF)
 
 lab: install ## open JupyterLab on the chapters
 	@$(BIN)/jupyter trust $(CHAPTERS) >/dev/null # figures to play with run at once
