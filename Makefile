@@ -11,6 +11,7 @@ TORCH   ?=
 VENV := .venv
 BIN  := $(VENV)/bin
 CHAPTERS := $(wildcard chapters/[0-9]*.ipynb) $(wildcard book/*.ipynb)
+EDITIONS := _build/editions/index.ipynb
 CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
 # The environment belongs to one Python and one folder; the stamp is named after all that
 # decides what is installed.
@@ -42,9 +43,14 @@ test: install ## prove it: style, unit tests, every chapter, every page; ALL=1: 
 pages: install ## render the pages from the stored outputs, executing nothing
 	FPP_EXECUTE=off $(BIN)/jupyter-book build . -W -n --keep-going --path-output _build/stored
 
-lab: install ## open JupyterLab on the chapters
-	@$(BIN)/jupyter trust $(CHAPTERS) >/dev/null # figures to play with run at once
-	$(BIN)/jupyter lab --notebook-dir chapters
+lab: install $(EDITIONS) ## open JupyterLab on your copies of the chapters, in my-chapters/
+	@$(BIN)/python book/_ext/fpp_copies.py
+	$(BIN)/jupyter lab --notebook-dir my-chapters my-chapters/index.ipynb
+
+# Every build writes them; from the stored outputs it takes a minute.
+$(EDITIONS): $(STAMP) $(CHAPTERS) $(wildcard book/*.md book/_ext/*.py src/fpputil/*/*.py) _config.yml _toc.yml
+	@echo "Making the notebooks to read: a minute, when the chapters changed"
+	FPP_EXECUTE=off $(BIN)/jupyter-book build . -q --path-output _build/stored
 
 results: install ## make the runs behind the tables that are missing (hours; resumable)
 	mkdir -p sets
