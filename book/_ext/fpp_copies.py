@@ -8,9 +8,6 @@ import hashlib
 import json
 from pathlib import Path
 
-import nbformat
-from nbformat.sign import NotebookNotary
-
 ROOT = Path(__file__).parents[2]
 
 
@@ -24,6 +21,24 @@ def write(path: Path, text: str) -> None:
     partial = path.with_suffix(".part")
     partial.write_text(text, encoding="utf-8")
     partial.replace(path)
+
+
+def origin(copy: Path) -> tuple[dict, bool]:
+    """Return of which edition a copy was made, and whether nobody has typed in it since."""
+    try:
+        own = json.loads(copy.read_text(encoding="utf-8"))
+        given = own["metadata"]["fpp_edition"]
+        return given, given["typed"] == typed(own)
+    except (ValueError, KeyError, TypeError):  # not made of an edition
+        return {}, False
+
+
+def trust(text: str) -> None:
+    """Have JupyterLab run the figures to play with at once."""
+    import nbformat
+    from nbformat.sign import NotebookNotary
+
+    NotebookNotary().sign(nbformat.reads(text, as_version=4))
 
 
 def refresh(editions: Path, copies: Path) -> list[str]:
@@ -44,15 +59,14 @@ def refresh(editions: Path, copies: Path) -> list[str]:
     for file in sorted(editions.glob("*.ipynb")):
         text, copy = file.read_text(encoding="utf-8"), copies / file.name
         if copy.exists():
-            own = json.loads(copy.read_text(encoding="utf-8"))
-            given = own["metadata"].get("fpp_edition", {})
+            given, untouched = origin(copy)
             if given == json.loads(text)["metadata"]["fpp_edition"]:
                 continue
-            if given.get("typed") != typed(own):
+            if not untouched:
                 kept.append(file.name)
                 continue
         write(copy, text)
-        NotebookNotary().sign(nbformat.reads(text, as_version=4))  # figures to play with run
+        trust(text)
     return kept
 
 

@@ -46,9 +46,9 @@ PAGES_ALONE = {"book/api", "book/bibliography", "book/execution"}
 LEFT_OUT = set()
 ADMONITIONS = {"attention", "caution", "danger", "error", "hint", "important", "note", "seealso"}
 ADMONITIONS |= {"admonition", "tip", "warning"}
-HINT = re.compile(r"\*Hint\.\*\s*")
 GATES = ("exercise-start", "exercise-end", "solution-start", "solution-end")
 BINDER, COLAB = "https://mybinder.org", "https://colab.research.google.com"
+PUBLISHED = "gh-pages"  # the branch to which `ghp-import -n -p -f _build/html` brings the pages
 
 
 # --- Markdown ------------------------------------------------------------------------------
@@ -134,10 +134,6 @@ class Page:
                 edits.append((at, at, heading_number(number)))
             elif token.type == "inline":
                 cursor = max(cursor, start)
-                if self.exercise and (hint := HINT.match(source, start)):
-                    edits.append((start, hint.end(), "<details><summary>Hint</summary>\n\n"))
-                    last = start + len(source[start:end].rstrip())
-                    edits.append((last, last, "\n\n</details>"))
                 cursor = self.inline(source, token.children, cursor, end, edits)
         for start, end, text in sorted(edits, key=lambda edit: edit[0], reverse=True):
             source = source[:start] + text + source[end:]
@@ -248,7 +244,9 @@ class Page:
             page = self.resolved(target)
             return self.linked(page, text or self.env.titles[page].astext())
         if name == "term":
-            return self.linked("book/glossary", text or target)
+            objects = self.env.domaindata["std"]["objects"]
+            named = {n.lower(): p for (kind, n), (p, _) in objects.items() if kind == "term"}
+            return self.linked(named.get(target.lower(), self.docname), text or target)
         if name in {"cite", "cite:p", "cite:t"}:
             return self.citation(content)
         if name == "time":
@@ -564,8 +562,11 @@ def lead_to_editions(app, pagename, templatename, context, doctree):
         if button.get("label") == "download-source-button":
             button["url"] = f"{context['pathto'](DOWNLOADS, 1)}/{name}"
             button["text"] = ".ipynb"
-        elif button.get("text") == "Binder":
-            button["url"] = re.sub(r"lab/tree/.*", f"lab/tree/my-chapters/{name}", button["url"])
+        elif button.get("text") == "Binder":  # postBuild makes the copies
+            button["url"] = re.sub(r"/tree/.*", f"/tree/my-chapters/{name}", button["url"])
+        elif button.get("text") == "Colab":
+            there = f"/blob/{PUBLISHED}/{DOWNLOADS}/{name}"
+            button["url"] = re.sub(r"/blob/.*", there, button["url"])
 
 
 def setup(app):
