@@ -42,8 +42,6 @@ EDITIONS = "_build/editions"
 DOWNLOADS = "_editions"  # under the pages
 # Pages that Sphinx makes of the library and the literature: they have no edition.
 PAGES_ALONE = {"book/api", "book/bibliography", "book/execution"}
-# Directives that mean something on a page alone.
-LEFT_OUT = set()
 ADMONITIONS = {"attention", "caution", "danger", "error", "hint", "important", "note", "seealso"}
 ADMONITIONS |= {"admonition", "tip", "warning"}
 GATES = ("exercise-start", "exercise-end", "solution-start", "solution-end")
@@ -91,8 +89,12 @@ def leftovers(md, text: str) -> list[str]:
     return found
 
 
+def dotted(numbers) -> str:
+    return ".".join(map(str, numbers))
+
+
 def heading_number(numbers) -> str:
-    return ".".join(map(str, numbers)) + ". " if numbers else ""
+    return dotted(numbers) + ". " if numbers else ""
 
 
 class Page:
@@ -124,8 +126,8 @@ class Page:
                 text = self.directive(token).replace("\n", "\n" + indent)
                 edits.append((start, end, indent + text + "\n"))
             elif token.type == "math_block_label":
-                tag = rf"\tag{{{self.equation(token.info)}}}"
-                edits.append((start, end, f"$$\n{token.content.strip()} {tag}\n$$\n"))
+                text = formula(token.content, self.equation(token.info))
+                edits.append((start, end, text + "\n"))
             elif token.type in {"myst_target", "myst_line_comment", "myst_block_break"}:
                 edits.append((start, end, ""))
             elif token.type == "heading_open" and token.markup.startswith("#"):
@@ -140,6 +142,7 @@ class Page:
         return source.strip("\n")
 
     def inline(self, source, tokens, cursor, end, edits) -> int:
+        """Add edits (start, end, text) of the inline markup; return where it ends."""
         for token in tokens:
             raw = token.meta.get("raw")
             at = source.find(raw, cursor, end) if raw else -1
@@ -148,17 +151,17 @@ class Page:
             cursor = at + (1 if token.type == "link_open" else len(raw))
             if token.type == "myst_role":
                 edits.append((at, at + len(raw), self.role(token.meta["name"], token.content)))
-            elif token.type == "link_open":
-                middle = raw.rindex("](")  # the text before it may hold roles, too
-                title, target = self.link(token.attrs["href"])
-                opened, closed = ("", "") if target is None else ("[", f"]({target})")
-                if middle == 1:  # no text: the title of the page
-                    edits.append((at, at + len(raw), f"{opened}{title}{closed}"))
-                else:
-                    edits.append((at, at + 1, opened))
-                    edits.append((at + middle, at + len(raw), closed))
             elif token.type == "image":
                 edits.append((at, at + len(raw), self.picture(token.content, token.attrs["src"])))
+            elif token.type == "link_open" and not urlsplit(token.attrs["href"]).scheme:
+                title, target = self.link(token.attrs["href"])
+                opened, closed = ("", "") if target is None else ("[", f"]({target})")
+                middle = raw.rfind("](")  # the text before it may hold roles, too
+                if middle == 1:  # no text: the title of the page
+                    edits.append((at, at + len(raw), f"{opened}{title}{closed}"))
+                elif middle > 1:
+                    edits.append((at, at + 1, opened))
+                    edits.append((at + middle, at + len(raw), closed))
         return cursor
 
     # --- references ---
@@ -172,7 +175,7 @@ class Page:
     def link(self, href: str) -> tuple[str, str | None]:
         """Title and address of what is linked to; None for a page without an edition."""
         path, _, _ = href.partition("#")
-        if urlsplit(href).scheme or not path:
+        if not path:
             return href, href
         page = self.resolved(path)
         if page not in self.env.titles:
@@ -186,24 +189,18 @@ class Page:
         return f"[{text}]({target})" if target and page != self.docname else text
 
     def equation(self, label: str) -> str:
-        page, _ = self.env.domaindata["math"]["objects"].get(label, (None, None))
-        return self.counted("displaymath", page, f"equation-{label}", label)
-
-    def counted(self, kind: str, page: str, where: str, label: str) -> str:
-        try:
-            return ".".join(map(str, self.env.toc_fignumbers[page][kind][where]))
-        except KeyError:
-            self.warn("%s has no number", label)
-            return "?"
+        page, _ = self.env.domaindata["math"]["objects"].get(label, ("", 0))
+        numbers = self.env.toc_fignumbers.get(page, {}).get("displaymath", {})
+        if f"equation-{label}" not in numbers:
+            self.warn("the equation %s has no number", label)
+        return dotted(numbers.get(f"equation-{label}", "?"))
 
     def numbered(self, label: str) -> tuple[str, str]:
         """The page of a figure, table or exercise, and its name with its number."""
-        page, where = self.env.domaindata["std"]["anonlabels"].get(label, (None, None))[:2]
+        page, where = self.env.domaindata["std"]["anonlabels"].get(label, ("", ""))[:2]
         for kind, numbers in self.env.toc_fignumbers.get(page, {}).items():
             if where in numbers and kind in self.app.config.numfig_format:
-                return page, self.app.config.numfig_format[kind] % ".".join(
-                    map(str, numbers[where])
-                )
+                return page, self.app.config.numfig_format[kind] % dotted(numbers[where])
         self.warn("%s has no number", label)
         return self.docname, label
 
@@ -211,55 +208,53 @@ class Page:
         document, _, key = text.rpartition("::")
         key, _, form = key.partition(":")
         page = self.resolved(document) if document else self.docname
-        folder = Path(self.app.outdir).parent / "jupyter_execute"
-        data = json.loads((folder / f"{page}.glue.json").read_text(encoding="utf-8"))
+        file = executed(self.app, page).with_suffix(".glue.json")
+        data = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
         if key not in data:
             self.warn("nothing is glued as %s", key)
             return key
-        value = ast.literal_eval(data[key]["data"]["text/plain"])
-        return format(value, form)
+        return format(ast.literal_eval(data[key]["data"]["text/plain"]), form)
 
     # --- roles ---
 
     def role(self, name: str, content: str) -> str:
         explicit = re.fullmatch(r"(.*?)\s*<([^<>]*)>", content, re.DOTALL)
         text, target = explicit.groups() if explicit else ("", content)
-        if name == "glue:text":
-            return self.glued(content)
-        if name == "eq":
-            return f"({self.equation(target)})"
-        if name == "numref":
-            page, number = self.numbered(target)
-            if text:
-                number = text.replace("%s", number.split()[-1]).format(number=number.split()[-1])
-            return self.linked(page, number)
-        if name == "ref":
-            if target in self.env.domaindata["std"]["labels"]:
-                page, _, title = self.env.domaindata["std"]["labels"][target]
-                anchor = "#" + self.anchor(page, title)
-                where = anchor if page == self.docname else Path(page).name + ".ipynb" + anchor
-                return f"[{text or title}]({where})"
-            return self.linked(*self.numbered(target))
-        if name == "doc":
-            page = self.resolved(target)
-            return self.linked(page, text or self.env.titles[page].astext())
-        if name == "term":
-            objects = self.env.domaindata["std"]["objects"]
-            named = {n.lower(): p for (kind, n), (p, _) in objects.items() if kind == "term"}
-            return self.linked(named.get(target.lower(), self.docname), text or target)
-        if name in {"cite", "cite:p", "cite:t"}:
-            return self.citation(content)
-        if name == "time":
-            if content == "read":
-                return fpp_book.reading_time(Path(self.env.doc2path(self.docname)))
-            times = fpp_book.read_runtimes(Path(self.app.srcdir))
-            return fpp_book.running_time(times.get(self.docname))
-        if name == "math":
-            return f"${content}$"
         if name.startswith("py:"):
             return f"`{(text or target).removeprefix('~')}`"
+        if name in ROLES:
+            return ROLES[name](self, text, target)
         self.warn("the role {%s} is not known to the editions", name)
         return f"`{content}`"
+
+    def role_numref(self, text: str, label: str) -> str:
+        page, name = self.numbered(label)
+        number = name.split()[-1]
+        return self.linked(page, text.replace("%s", number).format(number=number) or name)
+
+    def role_ref(self, text: str, label: str) -> str:
+        if label not in self.env.domaindata["std"]["labels"]:
+            return self.linked(*self.numbered(label))
+        page, _, title = self.env.domaindata["std"]["labels"][label]
+        file = "" if page == self.docname else Path(page).name + ".ipynb"
+        return f"[{text or title}]({file}#{self.anchor(page, title)})"
+
+    def role_doc(self, text: str, target: str) -> str:
+        page = self.resolved(target)
+        return self.linked(page, text or self.env.titles[page].astext())
+
+    def role_term(self, text: str, term: str) -> str:
+        objects = self.env.domaindata["std"]["objects"]
+        pages = {
+            name.lower(): page for (kind, name), (page, _) in objects.items() if kind == "term"
+        }
+        return self.linked(pages.get(term.lower(), self.docname), text or term)
+
+    def role_time(self, text: str, which: str) -> str:
+        if which == "read":
+            return fpp_book.reading_time(Path(self.env.doc2path(self.docname)))
+        times = fpp_book.read_runtimes(Path(self.app.srcdir))
+        return fpp_book.running_time(times.get(self.docname))
 
     def anchor(self, page: str, title: str) -> str:
         """Where JupyterLab and GitHub jump to: the words of a heading with its number."""
@@ -286,48 +281,47 @@ class Page:
 
     def directive(self, token) -> str:
         name, rest = re.match(r"\{([^}]+)\}(.*)", token.info, re.DOTALL).groups()
-        if name in LEFT_OUT:
-            return ""
         kind, _ = directives.directive(name, en, new_document(""))
         kind = kind or self.env.domains["std"].directives.get(name)
-        if kind is None:
-            self.warn("the directive {%s} is not known to Sphinx", name)
+        if kind is None or name not in DIRECTIVES:
+            self.warn("the directive {%s} is not known to the editions", name)
             return token.content
         parsed = parse_directive_text(kind, rest.strip(), token.content)
-        argument, options = " ".join(parsed.arguments), parsed.options
-        body = "\n".join(parsed.body)
-        if name == "literalinclude":
-            return self.included(argument, options)
-        if name == "code-block":
-            return f"```{argument}\n{body}\n```"
-        if name == "math":
-            tag = rf" \tag{{{self.equation(options['label'])}}}" if "label" in options else ""
-            return f"$$\n{body.strip()}{tag}\n$$"
-        if name in ADMONITIONS | {"dropdown"}:
-            title = self.plain(argument) or name.capitalize()
-            if name == "dropdown" or "dropdown" in options.get("class", []):
-                return folded(title, self.plain(body))
-            return quoted(f"**{title}**\n\n{self.plain(body)}")
-        if name in {"grid", "container", "div"}:
-            return self.plain(body)
-        if name == "grid-item-card":
-            title = f"**{self.plain(argument)}**"
-            if options.get("link-type") == "doc":
-                title = self.linked(self.resolved(options["link"]), title)
-            return f"{title}\n\n{self.plain(body)}"
-        if name in {"figure", "image"}:
-            shown = self.picture(options.get("alt", ""), argument)
-            if "name" in options and name == "figure":
-                body = f"**{self.numbered(options['name'])[1]}.** {body}"
-            return f"{shown}\n\n{self.plain(body)}".strip()
-        if name == "glossary":
-            entries = re.findall(r"^(\S.*)\n((?:[ \t]+\S.*\n?|\n(?=[ \t]))+)", body, re.MULTILINE)
-            entries = [f"**{term}**: {' '.join(text.split())}" for term, text in entries]
-            return self.plain("\n\n".join(entries))
-        self.warn("the directive {%s} is not known to the editions", name)
+        options = parsed.options | {"directive": name}
+        return DIRECTIVES[name](self, " ".join(parsed.arguments), options, "\n".join(parsed.body))
+
+    def only_body(self, argument: str, options: dict, body: str) -> str:
         return self.plain(body)
 
-    def included(self, path: str, options: dict) -> str:
+    def admonition(self, title: str, options: dict, body: str) -> str:
+        title = self.plain(title) or options["directive"].capitalize()
+        if "dropdown" in {options["directive"], *options.get("class", [])}:
+            return folded(title, self.plain(body))
+        return quoted(f"**{title}**\n\n{self.plain(body)}")
+
+    def card(self, title: str, options: dict, body: str) -> str:
+        title = f"**{self.plain(title)}**"
+        if options.get("link-type") == "doc":
+            title = self.linked(self.resolved(options["link"]), title)
+        return f"{title}\n\n{self.plain(body)}"
+
+    def figure(self, path: str, options: dict, body: str) -> str:
+        shown = self.picture(options.get("alt", ""), path)
+        number = f"**{self.numbered(options['name'])[1]}.** " if "name" in options else ""
+        return f"{shown}\n\n{number}{self.plain(body)}".strip()
+
+    def code_block(self, language: str, options: dict, body: str) -> str:
+        return f"```{language}\n{body}\n```"
+
+    def formula(self, argument: str, options: dict, body: str) -> str:
+        return formula(body, self.equation(options["label"]) if "label" in options else "")
+
+    def glossary(self, argument: str, options: dict, body: str) -> str:
+        entries = re.findall(r"^(\S.*)\n((?:[ \t]+\S.*\n?|\n(?=[ \t]))+)", body, re.MULTILINE)
+        entries = [f"**{term}**: {' '.join(text.split())}" for term, text in entries]
+        return self.plain("\n\n".join(entries))
+
+    def included(self, path: str, options: dict, body: str) -> str:
         file = self.env.relfn2path(path, self.docname)[1]
         text, _ = LiteralIncludeReader(file, options, self.app.config).read()
         return f"```{options.get('language', 'python')}\n{text.rstrip()}\n```"
@@ -342,6 +336,35 @@ class Page:
         return f"![{alt}](attachment:{quote(file.name)})"
 
 
+ROLES = {
+    "cite": lambda page, text, keys: page.citation(keys),
+    "doc": Page.role_doc,
+    "eq": lambda page, text, label: f"({page.equation(label)})",
+    "glue:text": lambda page, text, key: page.glued(key),
+    "math": lambda page, text, formula: f"${formula}$",
+    "numref": Page.role_numref,
+    "ref": Page.role_ref,
+    "term": Page.role_term,
+    "time": Page.role_time,
+}
+DIRECTIVES = {
+    "code-block": Page.code_block,
+    "dropdown": Page.admonition,
+    "figure": Page.figure,
+    "glossary": Page.glossary,
+    "grid": Page.only_body,
+    "grid-item-card": Page.card,
+    "image": Page.figure,
+    "literalinclude": Page.included,
+    "math": Page.formula,
+} | dict.fromkeys(ADMONITIONS, Page.admonition)
+
+
+def formula(tex: str, number: str) -> str:
+    tag = rf" \tag{{{number}}}" if number else ""
+    return f"$$\n{tex.strip()}{tag}\n$$"
+
+
 def quoted(text: str) -> str:
     return "\n".join("> " + line if line else ">" for line in text.split("\n"))
 
@@ -351,6 +374,11 @@ def folded(title: str, text: str) -> str:
 
 
 # --- notebooks -----------------------------------------------------------------------------
+
+
+def executed(app, docname: str) -> Path:
+    """The notebook with the outputs of the build, or with those stored if it executes nothing."""
+    return Path(app.outdir).parent / "jupyter_execute" / f"{docname}.ipynb"
 
 
 def gated(md, source: str):
@@ -373,8 +401,7 @@ def edition(app, docname: str) -> nbformat.NotebookNode:
     page, cells = Page(app, docname), []
     file = Path(app.env.doc2path(docname))
     if file.suffix == ".ipynb":
-        done = Path(app.outdir).parent / "jupyter_execute" / f"{docname}.ipynb"
-        notebook = nbformat.read(done, as_version=4)
+        notebook = nbformat.read(executed(app, docname), as_version=4)
     else:
         text = nbformat.v4.new_markdown_cell(file.read_text(encoding="utf-8"), id="page")
         notebook = nbformat.v4.new_notebook(cells=[text])
