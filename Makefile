@@ -11,6 +11,7 @@ TORCH   ?=
 VENV := .venv
 BIN  := $(VENV)/bin
 CHAPTERS := $(wildcard chapters/[0-9]*.ipynb) $(wildcard book/*.ipynb)
+EDITIONS := _build/editions/index.ipynb
 CHECKED  := src tests book/_ext $(wildcard benchmarks) $(CHAPTERS)
 # The environment belongs to one Python and one folder; the stamp is named after all that
 # decides what is installed.
@@ -47,9 +48,14 @@ pdf: install ## print the book, from the stored outputs, as one PDF (needs Chrom
 	FPP_EXECUTE=off $(BIN)/jupyter-book build . --builder singlehtml --path-output _build/stored
 	$(BIN)/python book/_ext/make_pdf.py _build/stored/_build/singlehtml/book/index.html $(PDF)
 
-lab: install ## open JupyterLab on the chapters
-	@$(BIN)/jupyter trust $(CHAPTERS) >/dev/null # figures to play with run at once
-	$(BIN)/jupyter lab --notebook-dir chapters
+lab: install $(EDITIONS) ## open JupyterLab on your copies of the chapters, in my-chapters/
+	@$(BIN)/python book/_ext/fpp_copies.py
+	$(BIN)/jupyter lab --notebook-dir my-chapters my-chapters/index.ipynb
+
+# Every build writes them; from the stored outputs it takes a minute.
+$(EDITIONS): $(STAMP) $(CHAPTERS) $(wildcard book/*.md book/_ext/*.py src/fpputil/*/*.py) _config.yml _toc.yml
+	@echo "Making the notebooks to read: a minute, when the chapters changed"
+	FPP_EXECUTE=off $(BIN)/jupyter-book build . -q --path-output _build/stored
 
 results: install ## make the runs behind the tables that are missing (hours; resumable)
 	mkdir -p sets

@@ -1,0 +1,75 @@
+"""Give the reader copies of the editions: ``python book/_ext/fpp_copies.py``, as ``make lab`` does.
+
+They lie in ``my-chapters``. A copy in which the reader typed nothing follows its edition; one in
+which the reader typed is never written to.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def typed(notebook: dict) -> str:
+    """Return a hash of what a reader types, which running a notebook leaves alone."""
+    cells = [[cell["cell_type"], "".join(cell["source"])] for cell in notebook["cells"]]
+    return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
+
+
+def write(path: Path, text: str) -> None:
+    partial = path.with_suffix(".part")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
+
+
+def origin(copy: Path) -> tuple[dict, bool]:
+    """Return of which edition a copy was made, and whether nobody has typed in it since."""
+    try:
+        own = json.loads(copy.read_text(encoding="utf-8"))
+        given = own["metadata"]["fpp_edition"]
+        return given, given["typed"] == typed(own)
+    except (ValueError, KeyError, TypeError):  # not made of an edition
+        return {}, False
+
+
+def trust(text: str) -> None:
+    """Have JupyterLab run the figures to play with at once."""
+    import nbformat
+    from nbformat.sign import NotebookNotary
+
+    NotebookNotary().sign(nbformat.reads(text, as_version=4))
+
+
+def refresh(editions: Path, copies: Path) -> list[str]:
+    """Bring the copies up to date.
+
+    Parameters
+    ----------
+    editions, copies : Path
+        Folders; that of the copies is made if need be.
+
+    Returns
+    -------
+    list of str
+        Names of copies that the reader changed and whose edition is another one by now.
+    """
+    copies.mkdir(exist_ok=True)
+    kept = []
+    for file in sorted(editions.glob("*.ipynb")):
+        text, copy = file.read_text(encoding="utf-8"), copies / file.name
+        if copy.exists():
+            given, untouched = origin(copy)
+            if given == json.loads(text)["metadata"]["fpp_edition"]:
+                continue
+            if not untouched:
+                kept.append(file.name)
+                continue
+        write(copy, text)
+        trust(text)
+    return kept
+
+
+if __name__ == "__main__":
+    for name in refresh(ROOT / "_build/editions", ROOT / "my-chapters"):
+        print(f"kept my-chapters/{name}, which you changed; the new one is _build/editions/{name}")
