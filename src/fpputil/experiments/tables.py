@@ -89,7 +89,8 @@ def as_table(rows: Sequence[Row], control: Mapping | None = None) -> Table:
     for row in rows:
         lines.append([row.label, str(row.seeds), *_cells(row.measures)])
         if row.paper:
-            lines.append([f"{row.label} in the paper", "", *(f"{x:.4f}" for x in row.paper), "", ""])
+            printed = [f"{x:.4f}" for x in row.paper]
+            lines.append([f"{row.label} in the paper", "", *printed, "", ""])
     if control:
         lines.append(["phi_h alone", "", *_cells(control)])
     return Table(["", "seeds", *(title for title, *_ in COLUMNS.values())], lines)
