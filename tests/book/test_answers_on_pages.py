@@ -228,18 +228,22 @@ VISIBLE = "text => [...document.querySelectorAll('p, pre')].find(e => e.textCont
 VISIBLE += ".checkVisibility({contentVisibilityAuto: true})"
 
 
-@pytest.mark.parametrize(
-    "text", ["printed", "The answer.", "The text goes on.", "We get", "Only words", "goes on again"]
-)
-def test_what_a_prediction_hides(page, text):
-    hidden = text in ("printed", "The answer.", "Only words")
-    assert page.evaluate(VISIBLE, text) != hidden
-    for button in page.locator(".fpp-show").all():
+HIDDEN = ["printed", "The answer.", "Only words"]
+OPEN = ["The text goes on.", "We get", "goes on again"]
+
+
+def test_what_a_prediction_hides_and_a_key_shows(page):
+    assert [page.evaluate(VISIBLE, text) for text in HIDDEN + OPEN] == 3 * [False] + 3 * [True]
+    buttons = page.locator(".fpp-show").all()
+    assert len(buttons) == 3
+    for button in buttons:
         assert button.get_attribute("aria-expanded") == "false"
         button.focus()
         page.keyboard.press("Enter")
         assert button.get_attribute("aria-expanded") == "true"
-    assert page.evaluate(VISIBLE, text)
+    assert all(page.evaluate(VISIBLE, text) for text in HIDDEN + OPEN)
+    buttons[0].click()
+    assert not page.evaluate(VISIBLE, "The answer.")
 
 
 def test_a_prediction_is_open_at_an_anchor_in_it(page, site):
