@@ -30,7 +30,6 @@ from docutils import nodes
 from docutils.parsers.rst import directives
 from docutils.parsers.rst.languages import en
 from docutils.utils import new_document
-from IPython.core.inputtransformer2 import TransformerManager
 from markdown_it.renderer import RendererHTML
 from myst_parser.parsers.directives import parse_directive_text
 from myst_parser.parsers.mdit import create_md_parser
@@ -533,11 +532,9 @@ def start(app, docname: str, cells: list) -> list:
 
 
 def imported(source: str) -> list[str]:
-    """Packages outside Python's own that the code imports at its top; fpputil first."""
-    tree = ast.parse(TransformerManager().transform_cell(source))
-    names = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
-    names |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and not n.level}
-    names = {name.partition(".")[0] for name in names} - sys.stdlib_module_names
+    """Packages outside Python's own that the code imports; fpputil first."""
+    names = re.findall(r"^(?:import (\w+)|from (\w+)[\w.]* import)", source, re.MULTILINE)
+    names = {a or b for a, b in names} - sys.stdlib_module_names
     return sorted(names, key=lambda name: (name != "fpputil", name))
 
 
