@@ -21,7 +21,7 @@ def phase_sigma(noise, modulation, steps: int):
 
 
 def phase_density(error, sigma: float):
-    """Exact probability density of the phase error of a phasor in Gaussian noise. Chapter 3.
+    """Exact probability density of the phase error of a phasor in Gaussian noise. Book: exact laws.
 
     Per radian, of errors (...) in (-pi, pi]. `sigma` is the noise of either component over the
     phasor's length, as of `phase_sigma`; where it is small, the law is the normal one.
@@ -38,7 +38,7 @@ def phase_density(error, sigma: float):
 
 
 def order_error_rate(noise: float, modulation: float, steps, pitches) -> float:
-    """Predicted share of wrong fringe orders in multi-frequency unwrapping. Chapter 4.
+    """Predicted share of wrong fringe orders in multi-frequency unwrapping. Book: exact laws.
 
     Between two neighbours the order is right where ``|ratio e_long - e_short| < pi``, with
     both phase errors from `phase_density`. Columns within reach of the projector's border

@@ -153,7 +153,7 @@ def mw_tpu(phis, pitches, width: float):
 
 
 def nt_tpu(phis, pitches, width: int):
-    """Number-theoretical temporal unwrapping of two integer pitches. Chapter 4.
+    """Number-theoretical temporal unwrapping of two integer pitches. Book: exact laws.
 
     ``(pitch_1 phi_1 - pitch_2 phi_2) / 2 pi = K_2 pitch_2 - K_1 pitch_1`` is a whole number
     that names the pair of orders, as long as the projector is no wider than the least common
