@@ -39,8 +39,8 @@ from sphinx.util import logging
 LOGGER = logging.getLogger(__name__)
 EDITIONS = "_build/editions"
 DOWNLOADS = "_editions"  # under the pages
-# Pages that Sphinx makes of the library and the literature: they have no edition.
-PAGES_ALONE = {"book/api", "book/bibliography", "book/execution"}
+# Pages that Sphinx makes of the library, the literature and the chapters: they have no edition.
+PAGES_ALONE = {"book/api", "book/bibliography", "book/execution", "book/gallery"}
 ADMONITIONS = {"attention", "caution", "danger", "error", "hint", "important", "note", "seealso"}
 ADMONITIONS |= {"admonition", "tip", "warning"}
 GATES = ("exercise-start", "exercise-end", "solution-start", "solution-end")
@@ -239,8 +239,8 @@ class Page:
         return f"[{text or title}]({file}#{self.anchor(page, title)})"
 
     def role_doc(self, text: str, target: str) -> str:
-        page = self.resolved(target)
-        return self.linked(page, text or self.env.titles[page].astext())
+        title, _ = self.link(target)
+        return self.linked(self.resolved(target), text or title)
 
     def role_term(self, text: str, term: str) -> str:
         objects = self.env.domaindata["std"]["objects"]
