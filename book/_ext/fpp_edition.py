@@ -528,7 +528,7 @@ def start(app, docname: str, cells: list) -> list:
     check = check.replace("PACKAGES", json.dumps(packages)).replace("HOW", how.replace("`", ""))
     cell = nbformat.v4.new_code_cell(check.strip(), id="setup-check")
     cell.metadata["jupyter"] = {"source_hidden": True}
-    return [markdown(NOTE.replace("HOW", how), "setup-note"), cell]
+    return [markdown(NOTE.replace("HOW", how).strip(), "setup-note"), cell]
 
 
 def imported(source: str) -> list[str]:
@@ -585,7 +585,7 @@ def lead_to_editions(app, pagename, templatename, context, doctree):
     for button in buttons:
         if button.get("label") == "download-source-button":
             button["url"] = f"{context['pathto'](DOWNLOADS, 1)}/{name}"
-            button["text"] = ".ipynb"
+            button |= {"text": ".ipynb", "tooltip": "Download this page as a notebook"}
         elif button.get("text") == "Binder":  # postBuild makes the copies
             button["url"] = re.sub(r"/tree/.*", f"/tree/my-chapters/{name}", button["url"])
         elif button.get("text") == "Colab":
