@@ -39,8 +39,8 @@ from sphinx.util import logging
 LOGGER = logging.getLogger(__name__)
 EDITIONS = "_build/editions"
 DOWNLOADS = "_editions"  # under the pages
-# Pages that Sphinx makes of the library and the literature: they have no edition.
-PAGES_ALONE = {"book/api", "book/bibliography", "book/execution"}
+# Pages that Sphinx makes of the library, the literature and the chapters: they have no edition.
+PAGES_ALONE = {"book/api", "book/bibliography", "book/execution", "book/gallery"}
 ADMONITIONS = {"attention", "caution", "danger", "error", "hint", "important", "note", "seealso"}
 ADMONITIONS |= {"admonition", "tip", "warning"}
 GATES = ("exercise-start", "exercise-end", "solution-start", "solution-end")
@@ -239,8 +239,8 @@ class Page:
         return f"[{text or title}]({file}#{self.anchor(page, title)})"
 
     def role_doc(self, text: str, target: str) -> str:
-        page = self.resolved(target)
-        return self.linked(page, text or self.env.titles[page].astext())
+        title, _ = self.link(target)
+        return self.linked(self.resolved(target), text or title)
 
     def role_term(self, text: str, term: str) -> str:
         objects = self.env.domaindata["std"]["objects"]
@@ -528,7 +528,7 @@ def start(app, docname: str, cells: list) -> list:
     check = check.replace("PACKAGES", json.dumps(packages)).replace("HOW", how.replace("`", ""))
     cell = nbformat.v4.new_code_cell(check.strip(), id="setup-check")
     cell.metadata["jupyter"] = {"source_hidden": True}
-    return [markdown(NOTE.replace("HOW", how), "setup-note"), cell]
+    return [markdown(NOTE.replace("HOW", how).strip(), "setup-note"), cell]
 
 
 def imported(source: str) -> list[str]:
@@ -585,7 +585,7 @@ def lead_to_editions(app, pagename, templatename, context, doctree):
     for button in buttons:
         if button.get("label") == "download-source-button":
             button["url"] = f"{context['pathto'](DOWNLOADS, 1)}/{name}"
-            button["text"] = ".ipynb"
+            button |= {"text": ".ipynb", "tooltip": "Download this page as a notebook"}
         elif button.get("text") == "Binder":  # postBuild makes the copies
             button["url"] = re.sub(r"/tree/.*", f"/tree/my-chapters/{name}", button["url"])
         elif button.get("text") == "Colab":
