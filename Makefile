@@ -46,7 +46,8 @@ pages: install ## render the pages from the stored outputs, executing nothing
 PDF ?= _build/book.pdf
 pdf: install ## print the book, from the stored outputs, as one PDF (needs Chromium or Chrome)
 	FPP_EXECUTE=off $(BIN)/jupyter-book build . --builder singlehtml --path-output _build/stored
-	$(BIN)/python book/_ext/make_pdf.py _build/stored/_build/singlehtml/book/index.html $(PDF)
+	cd _build/stored/_build/singlehtml && cp book/index.html all.html # its addresses are those of the top
+	$(BIN)/python book/_ext/make_pdf.py _build/stored/_build/singlehtml/all.html $(PDF)
 
 lab: install $(EDITIONS) ## open JupyterLab on your copies of the chapters, in my-chapters/
 	@$(BIN)/python book/_ext/fpp_copies.py

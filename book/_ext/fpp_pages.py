@@ -1,6 +1,7 @@
 """What makes the pages pleasant to read.
 
 - Terms: the first use of each glossary term in a chapter leads to the glossary.
+- One page: what the PDF is printed from.
 - Gallery: `` ```{gallery} `` shows all numbered figures, each as a link to the cell that makes it.
 """
 
@@ -189,6 +190,16 @@ def first_sentence(caption: nodes.caption) -> nodes.caption:
     return short
 
 
+# --- one page ------------------------------------------------------------------------------
+
+
+def draw_as_html(app):
+    """Let the one-page book, which is printed, draw every node as the many pages do."""
+    drawn = app.registry.translation_handlers
+    if "singlehtml" in drawn:
+        drawn["singlehtml"] = drawn["html"] | drawn["singlehtml"]
+
+
 # --- again ---------------------------------------------------------------------------------
 
 
@@ -204,6 +215,7 @@ def setup(app):
     app.add_node(Gallery)
     app.add_directive("gallery", GalleryDirective)
     app.add_js_file("pages.js", loading_method="defer")
+    app.connect("builder-inited", draw_as_html)
     app.connect("doctree-read", mark_cells)
     app.connect("doctree-resolved", explain_terms)
     app.connect("doctree-resolved", fill_gallery)

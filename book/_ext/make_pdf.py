@@ -14,7 +14,7 @@ from playwright.sync_api import Error, sync_playwright
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 FRONT = """() => {
-  document.querySelectorAll('.solution, dialog, .fpp-tip').forEach(e => e.remove());
+  document.querySelectorAll('.solution, dialog, #jb-print-docs-body').forEach(e => e.remove());
   document.querySelectorAll('img').forEach(i => { i.loading = 'eager'; });
   document.querySelectorAll('details').forEach(d => { d.open = false; });
   const book = document.querySelector('article');
@@ -23,9 +23,9 @@ FRONT = """() => {
   front.innerHTML = `<h1>${document.title}</h1>`;
   const clean = h => { const c = h.cloneNode(true);
     c.querySelectorAll('.headerlink').forEach(e => e.remove()); return c.innerHTML; };
-  for (const h of book.querySelectorAll('h1, h2')) {
-    const at = h.closest('section')?.id;
-    if (!at) continue;
+  for (const h of book.querySelectorAll('section > :is(h2, h3)')) {
+    if (h.closest('.exercise, .admonition, .fpp-gallery')) continue;
+    const at = h.closest('section').id;
     const item = document.createElement('li');
     item.className = h.tagName;
     item.innerHTML = `<a href="#${at}">${clean(h)}</a>`;
@@ -35,10 +35,11 @@ FRONT = """() => {
   book.prepend(front);
   const style = document.createElement('style');
   style.textContent = `
-    .fpp-front > h1 { font-size: 34pt; margin: 60mm 0 90mm; text-align: center; }
-    .fpp-front > ol { break-before: page; list-style: none; padding: 0; }
-    .fpp-front .H1 { font-weight: 600; margin-top: .5em; } .fpp-front .H2 { margin-left: 2em; }
-    article h1 { break-before: page; } .fpp-front > h1 { break-before: auto; }
+    .fpp-front > h1 { font-size: 40pt; margin: 80mm 0; text-align: center; border: 0; }
+    .fpp-front > ol { break-before: page; columns: 2; list-style: none; padding: 0; }
+    .fpp-front .H2 { font-weight: 600; margin-top: .6em; break-after: avoid; }
+    .fpp-front .H3 { margin-left: 1.5em; }
+    section > h1, [id^="document-"] { display: block; break-before: page; }
     figure, .math, tr { break-inside: avoid; } figure { margin-inline: 0; }
     img { max-width: 100%; } .toctree-wrapper > p.caption { display: none; }
     .bd-header-article, .bd-sidebar-secondary, .prev-next-footer, .copybtn {
@@ -61,13 +62,14 @@ def main(source: Path, target: Path) -> None:
         page = browser.new_page(color_scheme="light", offline=True)
         page.set_default_timeout(600_000)
         page.goto(source.resolve().as_uri())
-        page.wait_for_function("window.MathJax?.startup?.promise")
+        page.wait_for_function("window.MathJax?.startup?.promise", timeout=60_000)
         page.evaluate("MathJax.startup.promise")
         page.evaluate(FRONT)
         page.evaluate("Promise.allSettled([...document.images].map(i => i.decode()))")
         page.pdf(
             path=target,
             format="A4",
+            scale=0.75,
             outline=True,
             tagged=True,
             display_header_footer=True,
