@@ -198,4 +198,4 @@ def test_every_figure_to_play_with(width, scheme, pages, browser):
         if page.evaluate("document.documentElement.scrollWidth > innerWidth"):
             wrong.setdefault(path.stem, []).append("wider than the window")
         page.close()
-    assert not wrong and number >= 10
+    assert not wrong and number >= 16
