@@ -38,8 +38,11 @@ def finds_leaks(answer):
     one_view[7] = "test" if by_model[7] != "test" else "training"
     by_view = list(rng.permutation(by_model))
     for splits, leak in (
-        (by_model, False), (one_view, True), (by_view, True), (["test"] * 240, False)
-    ):  # fmt: skip
+        (by_model, False),
+        (one_view, True),
+        (by_view, True),
+        (["test"] * 240, False),
+    ):
         yield answer(list(models), splits), leak
 
 

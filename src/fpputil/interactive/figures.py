@@ -162,10 +162,17 @@ PART = 1 / 64  # of a column
 
 
 def cloud(
-    mesh: trimesh.Trimesh, system: System, pitches: Pitches, look_from: Sequence[float],
-    angle: float, stripe: float = 57.0, ball: bool = False,
-    shown: Sequence[str] = (), alt: str = "", instead_of: str = "",
-) -> Live:  # fmt: skip
+    mesh: trimesh.Trimesh,
+    system: System,
+    pitches: Pitches,
+    look_from: Sequence[float],
+    angle: float,
+    stripe: float = 57.0,
+    ball: bool = False,
+    shown: Sequence[str] = (),
+    alt: str = "",
+    instead_of: str = "",
+) -> Live:
     """A measured surface under sliding stripes, noise and a wrong focal length. Chapter 6.
 
     Parameters
@@ -223,9 +230,18 @@ def cloud(
     for body in bodies[1 if shown and "over" not in shown else 2 :]:
         body["visible"] = False
     return space(
-        bodies, middle + look_from, middle, alt, angle, instead_of,
-        controls, _formula("cloud"), data, checks, hover="over",
-    )  # fmt: skip
+        bodies,
+        middle + look_from,
+        middle,
+        alt,
+        angle,
+        instead_of,
+        controls,
+        _formula("cloud"),
+        data,
+        checks,
+        hover="over",
+    )
 
 
 def _pointed(pixels, column, system: System, ball, focal, over) -> dict:

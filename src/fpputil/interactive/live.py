@@ -51,9 +51,16 @@ class Live:
 
 
 def slider(
-    name: str, label: str, low: float, high: float, value: float, step: float = 1, unit: str = "",
-    names: Sequence[str] = (), play: int = 0,
-) -> dict:  # fmt: skip
+    name: str,
+    label: str,
+    low: float,
+    high: float,
+    value: float,
+    step: float = 1,
+    unit: str = "",
+    names: Sequence[str] = (),
+    play: int = 0,
+) -> dict:
     """A control of `explore`.
 
     `names` stand for the values 0, 1, 2 ...; with `play`, milliseconds a step, it has a button that
@@ -123,9 +130,12 @@ def sortable(table: Table, instead_of: str = "") -> Live:
 
 
 def maps(
-    shown: Sequence[dict], frames: Sequence[str] = (), label: str = "frame", instead_of: str = "",
+    shown: Sequence[dict],
+    frames: Sequence[str] = (),
+    label: str = "frame",
+    instead_of: str = "",
     samples: Mapping[str, np.ndarray] | None = None,
-) -> Live:  # fmt: skip
+) -> Live:
     """Maps to be read pixel by pixel.
 
     Parameters
@@ -167,10 +177,18 @@ def maps(
 
 
 def space(
-    bodies: Sequence[dict], look_from, look_at, alt: str, angle: float = 30.0, instead_of: str = "",
-    controls: Sequence[dict] = (), formula: str = "", data: Mapping | None = None,
-    checks: Sequence[tuple[dict, dict]] = (), hover: str = "",
-) -> Live:  # fmt: skip
+    bodies: Sequence[dict],
+    look_from,
+    look_at,
+    alt: str,
+    angle: float = 30.0,
+    instead_of: str = "",
+    controls: Sequence[dict] = (),
+    formula: str = "",
+    data: Mapping | None = None,
+    checks: Sequence[tuple[dict, dict]] = (),
+    hover: str = "",
+) -> Live:
     """Meshes and points in space, to turn and to come closer to.
 
     Parameters
