@@ -20,7 +20,7 @@ FRONT = """() => {
   const book = document.querySelector('article');
   const front = document.createElement('div'), list = document.createElement('ol');
   front.className = 'fpp-front';
-  front.innerHTML = `<h1>${document.title}</h1>`;
+  front.innerHTML = `<div class="fpp-title">${document.title}</div>`;
   const clean = h => { const c = h.cloneNode(true);
     c.querySelectorAll('.headerlink').forEach(e => e.remove()); return c.innerHTML; };
   for (const h of book.querySelectorAll('section > :is(h2, h3)')) {
@@ -35,7 +35,7 @@ FRONT = """() => {
   book.prepend(front);
   const style = document.createElement('style');
   style.textContent = `
-    .fpp-front > h1 { font-size: 40pt; margin: 80mm 0; text-align: center; border: 0; }
+    .fpp-title { font-size: 40pt; padding: 80mm 0; text-align: center; }
     .fpp-front > ol { break-before: page; columns: 2; list-style: none; padding: 0; }
     .fpp-front .H2 { font-weight: 600; margin-top: .6em; break-after: avoid; }
     .fpp-front .H3 { margin-left: 1.5em; }

@@ -5,6 +5,7 @@
   const large = document.createElement("dialog");
   large.className = "fpp-large";
   large.addEventListener("click", () => large.close());
+  document.addEventListener("keydown", (e) => { if (e.key === "Escape" && large.open) large.close(); }, true);
   function enlarge(image) {
     const copy = new Image();
     copy.src = image.currentSrc || image.src;
