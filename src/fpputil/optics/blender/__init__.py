@@ -1,4 +1,4 @@
-"""The ray caster's twin: the same scene photographed by Blender's Cycles (chapter 2).
+"""The ray caster's twin: the same scene photographed by Blender's Cycles (Book: Blender).
 
 Blender runs in this process, on the processor, as the module ``bpy``; it is imported by the
 first call that needs it. Each call starts it from its factory settings and leaves it empty, so

@@ -1,4 +1,4 @@
-"""Pictures of the rig itself, as Blender shows it (chapter 2; the paper's Fig. 6 b)."""
+"""Pictures of the rig itself, as Blender shows it (Book: Blender; the paper's Fig. 6 b)."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ def picture(
     white_at: float = 600.0,
     samples: int = 48,
 ) -> np.ndarray:
-    """Picture of bodies in space by daylight, as `fpputil.plotting.bodies` draws it. Chapter 2.
+    """Picture of bodies in space by daylight, as `fpputil.plotting.bodies` draws it. Book: Blender.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A mesh and a system photographed by Cycles, as the ray caster sees them (chapter 2)."""
+"""A mesh and a system photographed by Cycles, as the ray caster sees them (Book: Blender)."""
 
 import os
 import zipfile
