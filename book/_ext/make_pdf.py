@@ -15,6 +15,7 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 
 FRONT = """() => {
   document.querySelectorAll('.solution, dialog, #jb-print-docs-body').forEach(e => e.remove());
+  document.querySelector('.fpp-gallery').closest('section').remove(); // the figures once is enough
   document.querySelectorAll('img').forEach(i => { i.loading = 'eager'; });
   document.querySelectorAll('details').forEach(d => { d.open = false; });
   const book = document.querySelector('article');
