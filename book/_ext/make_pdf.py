@@ -36,6 +36,7 @@ FRONT = """() => {
   book.prepend(front);
   const style = document.createElement('style');
   style.textContent = `
+    .fpp-front { break-after: page; }
     .fpp-title { font-size: 40pt; padding: 80mm 0; text-align: center; }
     .fpp-front > ol { break-before: page; columns: 2; list-style: none; padding: 0; }
     .fpp-front .H2 { font-weight: 600; margin-top: .6em; break-after: avoid; }
