@@ -15,6 +15,7 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 
 FRONT = """() => {
   document.querySelectorAll('.solution, dialog, #jb-print-docs-body').forEach(e => e.remove());
+  document.querySelector('.fpp-gallery').closest('section').remove(); // the figures once is enough
   document.querySelectorAll('img').forEach(i => { i.loading = 'eager'; });
   document.querySelectorAll('details').forEach(d => { d.open = false; });
   const book = document.querySelector('article');
@@ -35,6 +36,7 @@ FRONT = """() => {
   book.prepend(front);
   const style = document.createElement('style');
   style.textContent = `
+    .fpp-front { break-after: page; }
     .fpp-title { font-size: 40pt; padding: 80mm 0; text-align: center; }
     .fpp-front > ol { break-before: page; columns: 2; list-style: none; padding: 0; }
     .fpp-front .H2 { font-weight: 600; margin-top: .6em; break-after: avoid; }
