@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from tabulate import tabulate
 
+GLUED = "application/papermill.record/"
+
 
 def say(prefix: str, **texts: str) -> None:
     """Hand texts to the sentences of a chapter, where ``{glue:text}`PREFIX-NAME``` shows them.
@@ -24,12 +26,15 @@ def say(prefix: str, **texts: str) -> None:
     TypeError
         If one is not text: how many digits a reader sees is decided where it is computed.
     """
-    from myst_nb import glue
+    from IPython.display import display
 
     for name, text in texts.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} {text!r} given; a formatted text is needed, as f'{{x:.2f}}'")
-        glue(f"{prefix}-{name.replace('_', '-')}", text, display=False)
+        # As `myst_nb.glue` does it; to import that takes seconds in every notebook.
+        about = {"name": f"{prefix}-{name.replace('_', '-')}", "mime_prefix": GLUED}
+        data = {f"{GLUED}text/plain": repr(text)}
+        display(data, raw=True, metadata={"scrapbook": about})
 
 
 def claim(holds: bool, says: str) -> None:
