@@ -114,4 +114,4 @@ def _print(decoded, system) -> None:
         print("no --system given: phases, but no depth and no points")
     if not summary["decoded"]:
         print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
-    print(f"written to {decoded.out}")
+    print(f"{'written to' if summary['decoded'] else 'the report is in'} {decoded.out}")

@@ -68,7 +68,8 @@ def unit_start(pitch: float, width: float) -> float:
     if pitch < width:
         raise ValueError(
             f"pitch {pitch} on {width} columns given; the first pitch must cover the whole "
-            "projector, or its phase is ambiguous"
+            "projector, or its phase is ambiguous; short pitches that differ little are unwrapped "
+            "by their beats (mw)"
         )
     return -math.pi * (1 + pitch - width) / pitch
 
@@ -235,4 +236,5 @@ def check_pitches(phis, pitches, order: str = "descend") -> None:
         positive("pitch", pitch, "projector pixels")
     down = pitches if order == "descend" else pitches[::-1]
     if any(b >= a for a, b in zip(down, down[1:], strict=False)):
-        raise ValueError(f"pitches {list(pitches)} given; they must {order} strictly")
+        beats = "; for unwrapping by beats (mw) they ascend" if order == "descend" else ""
+        raise ValueError(f"pitches {list(pitches)} given; they must {order} strictly{beats}")
