@@ -21,7 +21,7 @@ const at = [...Array(W).keys()], Phi = (2 * Math.PI * column) / pitch;
 const wrapped = at.map((i) => tools.wrap((2 * Math.PI * i) / pitch));
 // A line that falls back by a turn would draw the fall.
 const saw = wrapped.map((w, i) => (i && Math.abs(w - wrapped[i - 1]) > 3 ? NaN : w));
-const grey = shown[column], same = at.filter((i) => i && (shown[i] - grey) * (shown[i - 1] - grey) <= 0 && shown[i] !== shown[i - 1]);
+const grey = shown[column], same = at.filter((i) => Math.round(shown[i]) === Math.round(grey));  // as 8 bit tell them apart
 const x = [0, W - 1];
 return {
   plots: [
@@ -39,6 +39,6 @@ return {
   ],
   numbers: {
     light: [grey, ""], "phase in its period": [wrapped[column], "rad"], period: [Math.round((Phi - wrapped[column]) / (2 * Math.PI)), ""],
-    "absolute phase": [Phi, "rad"], "columns of this grey": [Math.max(1, same.length), ""],
+    "absolute phase": [Phi, "rad"], "columns of this grey": [same.length, ""],
   },
 };

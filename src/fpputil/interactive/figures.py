@@ -95,7 +95,7 @@ def _sampled(N, phi, ambient, strength, gamma) -> dict:
 
 
 LEVELS = ("256", "16", "4", "2")
-FINE = (76, 57, 38, 24, 15)  # pitches
+FINE = (114, 76, 57, 38, 24, 15)  # pitches
 BOX = (912, 304, 152, 114, 76)
 
 
@@ -126,21 +126,23 @@ def bench(instead_of: str = "") -> Live:
 def _lit(pitch, n, column, gamma, defocus, levels) -> dict:
     """Numbers of `bench`, by the library."""
     fringe = Fringe(pitch, 8, gamma=gamma, levels=levels, defocus=defocus)
-    light, Phi = fringe.intensity(column, n), np.asarray(fringe.phase(column))
-    return {"light": light, "phase in its period": wrap(Phi[None])[0], "absolute phase": Phi}
+    row, Phi = fringe.intensity(np.arange(912), n), np.asarray(fringe.phase(column))
+    grey = np.floor(row + 0.5)
+    found = {"light": row[column], "phase in its period": wrap(Phi[None])[0]}
+    return found | {"absolute phase": Phi, "columns of this grey": (grey == grey[column]).sum()}
 
 
 def vernier(instead_of: str = "") -> Live:
     """The order of a short pitch from a longer one, and how noise spoils it. Chapter 4."""
-    settings = [(0.02, 4, False), (0.05, 4, True), (0.1, 2, True), (0.2, 0, False)]
+    settings = [(0.02, 5, False), (0.05, 5, True), (0.1, 3, True), (0.2, 1, False), (0.3, 0, True)]
     checks = [
         ({"sigma": s, "fine": k, "middle": m}, {"wrong, by the normal law": 100 * _rate(s, k, m)})
         for s, k, m in settings
     ]
     controls = [
-        slider("column", "true column", 0, 911, 431),
+        slider("column", "true column", 0, 911, 300),
         slider("sigma", "phase noise", 0.005, 0.3, 0.03, 0.005, "rad"),
-        slider("fine", "short pitch", 0, len(FINE) - 1, 4, names=[str(p) for p in FINE]),
+        slider("fine", "short pitch", 0, len(FINE) - 1, 0, names=[str(p) for p in FINE]),
         {"name": "middle", "label": "pitch 114 between", "value": False},
         slider("seed", "another draw", 0, 99, 0, play=400),
     ]
@@ -150,7 +152,7 @@ def vernier(instead_of: str = "") -> Live:
 
 def _rate(sigma, fine, middle) -> float:
     """Share of wrong orders in `vernier` by the normal law: |ratio e_long - e_short| > pi."""
-    pitches = np.array([912, *([114] if middle else []), FINE[fine]])
+    pitches = np.array([912, *([114] if middle and FINE[fine] < 114 else []), FINE[fine]])
     spread = sigma * np.hypot(1, pitches[:-1] / pitches[1:])
     return float((2 * ndtr(-np.pi / spread)).sum())
 

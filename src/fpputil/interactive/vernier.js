@@ -1,6 +1,6 @@
 // Orders from a longer pitch: the prediction, its band of noise, and the candidates it chooses from.
 const { column, sigma, seed } = values, [first, fine] = [data.width, data.fine[values.fine]];
-const pitches = values.middle ? [first, data.middle, fine] : [first, fine];
+const pitches = values.middle && fine < data.middle ? [first, data.middle, fine] : [first, fine];
 const turn = 2 * Math.PI, true_ = pitches.map((p) => (turn * column) / p);
 const unwrapped = (errors) => {  // absolute phases, each from the one before
   const found = [true_[0] + errors[0]], chain = [];
@@ -39,6 +39,6 @@ return {
   plots: [...lines, { title: "Orders off, of 2000 draws", x: [-3.5, 3.5], y: [0, 100], height: 160, xlabel: "periods", ylabel: "%", xticks: orders.map((k) => [k, `${k}`]), marks: bars }],
   numbers: {
     "wrong, counted": [(100 * (2000 - (counts[0] || 0))) / 2000, "%"], "wrong, by the normal law": [100 * rate, "%"],
-    "ratio times noise": [chain[0].ratio * sigma, "rad of π"], "order here": [chain[chain.length - 1].K, wrong ? "wrong" : "right"],
+    "noise of the first prediction": [chain[0].ratio * sigma, "rad; π is too much"], "order here": [chain[chain.length - 1].K, wrong ? "wrong" : "right"],
   },
 };
