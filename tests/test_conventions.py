@@ -94,7 +94,7 @@ ARROWS = {  # each package imports from those below it alone
     "plotting": ("optics", "probe"),
     "decoding": ("checks", "files", "optics"),
     "calibration": ("checks", "optics"),
-    "interactive": ("decoding", "optics"),
+    "interactive": ("decoding", "notebook", "optics", "plotting"),
     "capture": (*("calibration", "checks", "decoding", "files", "notebook", "optics", "plotting"),),
     "dataset": ("capture", "checks", "decoding", "files", "optics"),
     "networks": ("checks", "decoding", "optics"),

@@ -21,13 +21,14 @@ from torch import Tensor
 
 from fpputil.networks.complexity import cost
 from fpputil.networks.sfnet import SFNet, SFNetMethod
-from fpputil.plotting import COLOURS
+from fpputil.plotting import COLOURS, INK
 
 OUT = Path(__file__).parents[1] / "assets" / "sfnet.svg"
 STYLE = {"svg.hashsalt": "sfnet", "svg.fonttype": "path", "font.family": "DejaVu Sans"}
 
 PITCHES, TARGETS = ("high pitch", "low pitch"), ("high pitch", "refined reference")
 COLOUR, JOINED, PLAIN = (COLOURS[0], COLOURS[1]), COLOURS[3], COLOURS[5]
+OPEN = "#b9c3cb"  # opaque, for lines end behind it; seen on white and on dark
 
 # Lengths in inches; the two halves of the drawing mirror each other about y = 0.
 PAGE, MARGIN = 8.0, 1.05
@@ -174,7 +175,7 @@ def _draw_decoder(ax, half: Half, which: int) -> list[Rectangle]:
     for shape, up, (x, left), y in zip(half.decoder, half.up, pairwise(xs), rows, strict=True):
         block = _block(ax, shape, half, (x, y), colour)
         _way(ax, block, above[-1])
-        above.append(_block(ax, up, half, (left, y), colour, "white"))
+        above.append(_block(ax, up, half, (left, y), colour, OPEN))
         _way(ax, above[-1], block, head="-")
         if y == rows[0]:  # the output stands where its label would
             _label(ax, _text(shape), x, y + (TALLEST / 2 + 0.09) * outward, "center")
@@ -215,7 +216,7 @@ def _way(
     b,
     turn="straight",
     head="-|>",
-    colour="black",
+    colour=INK,
 ):
     """An arrow from the middle of a block, which hides its start, to the edge of another."""
     ends = {"posA": a.get_center(), "posB": b.get_center(), "patchB": b, "shrinkB": 0}
@@ -243,7 +244,7 @@ def _explain(ax, half, spent, size):
     """What the blocks and lines mean, and what the network costs."""
     handles = [
         Patch(facecolor=COLOUR[0], label="after two 3 × 3 convolutions"),
-        Patch(facecolor="white", edgecolor=COLOUR[0], label="after a transposed convolution"),
+        Patch(facecolor=OPEN, edgecolor=COLOUR[0], label="after a transposed convolution"),
         Line2D([], [], color=COLOUR[0], linewidth=0.7, label="skip"),
     ]
     place = {"loc": "center left", "bbox_to_anchor": (0, 0.5), "fontsize": SMALL}
