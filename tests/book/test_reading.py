@@ -1,44 +1,15 @@
 """What a reader sees and does: dark pages, large pictures, long lines, keys, terms, the gallery."""
 
-import os
-import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-BROWSER = os.environ.get("BROWSER_PATH") or next(filter(None, map(shutil.which, NAMES)), None)
-HTML = ROOT / "_build/reading/_build/html"
 CHAPTERS = sorted(path.stem for path in (ROOT / "chapters").glob("[0-9]*.ipynb"))
 PHASE = "chapters/03_phase_shifting"
 PICTURE = "article figure img.fpp-enlarges"
 LARGE = "dialog.fpp-large"
-
-
-@pytest.fixture(scope="module")
-def html():
-    """A book of its own: another file of tests may be rendering _build/stored just now."""
-    command = [Path(sys.executable).with_name("jupyter-book"), "build", ROOT]
-    command += ["-W", "-n", "--keep-going", "--path-output", ROOT / "_build/reading"]
-    environment = {**os.environ, "FPP_EXECUTE": "off"}
-    result = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr[-5000:]
-    return HTML
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if BROWSER is None:
-        pytest.skip("no Chromium or Chrome is installed (Debian: apt install chromium)")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(
-            executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"]
-        )
 
 
 @pytest.fixture
@@ -188,7 +159,8 @@ def test_the_gallery_has_all_numbered_figures(opened):
         a.get_attribute("href").rpartition("/")[2] for a in gallery.query_selector_all(".fpp-thumb")
     }
     there = set()
-    for path in ("book/index", *(f"chapters/{name}" for name in CHAPTERS)):
+    beside = [f"book/{path.stem}" for path in sorted((ROOT / "book").glob("*.ipynb"))]
+    for path in (*beside, *(f"chapters/{name}" for name in CHAPTERS)):
         page, name = opened(path), path.partition("/")[2]
         for figure in page.query_selector_all("article figure:has(.caption-number)"):
             anchor = f"{figure.get_attribute('id')}-cell"
