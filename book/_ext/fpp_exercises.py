@@ -3,10 +3,11 @@
 - Answers: below an exercise whose answer is a number stands a field, with the table of faults and
   the hints of `fpputil.exercises`, for ``book/_static/exercises.js`` to read.
 - Solutions: the whole bar opens one, for its title is no link.
-- Predictions: what follows a paragraph with *Predict, then see.* is put in a box, which
-  ``exercises.js`` closes: all up to the first figure or other output, and on to the end of the
-  first paragraph after it; a paragraph that runs into an equation stays outside, with it. Without
-  an output, the first paragraph. The next prediction and the next heading end it as well.
+- Predictions: what answers a paragraph with *Predict, then see.* is put in a box, which
+  ``exercises.js`` closes: the first figure or other output after it, and all from there to the end
+  of the first paragraph; one that runs into an equation stays outside, with it. Without an output,
+  the first paragraph. The next prediction and the next heading end it as well. Code stays open, in
+  front of the box, and so does what stands before the first output.
 """
 
 import base64
@@ -82,6 +83,7 @@ def page_data(key: str) -> dict:
 
 
 WORDS = ("NEARLY", "NOT_WHOLE", "LARGE", "SMALL", "PLACES")
+WORDS += ("SMALL_WHOLE", "TOO_LARGE", "TOO_SMALL")
 
 
 def listed(rows) -> list:
@@ -110,11 +112,12 @@ class Predictions(SphinxTransform):
         for number, question in enumerate(questions):
             parent = question.parent
             start = parent.index(question) + 1
-            length = length_of_answer(parent[start:])
-            if length:
+            following = parent[start : start + length_of_answer(parent[start:])]
+            code, answer = parted(following)
+            if answer:
                 box = nodes.container(classes=["fpp-predict"], ids=[f"predict-{number}"])
-                box += parent[start : start + length]
-                parent[start : start + length] = [box]
+                box += answer
+                parent[start : start + len(following)] = [*code, box]
 
 
 def is_question(node) -> bool:
@@ -134,12 +137,48 @@ def length_of_answer(following) -> int:
     return k if runs_on else k + 1
 
 
+def parted(following) -> tuple[list, list]:
+    """What stays open of the nodes up to the end of an answer, and what is closed."""
+    code, answer = [], []
+    shown = next((k for k, node in enumerate(following) if has_output(node)), 0)
+    for k, node in enumerate(following):
+        if is_cell(node):
+            source, output = parts_of_cell(node)
+            code += source
+            answer += output
+        else:
+            (code if k < shown else answer).append(node)
+    return code, answer
+
+
+def parts_of_cell(cell) -> tuple[list, list]:
+    """A cell of the code alone, and one of the outputs; either may be missing."""
+    if is_folded(cell):
+        return [cell], []
+    parts = [], []
+    for child in cell:
+        part = parts[child.get("nb_element") != "cell_code_source"]
+        if not part:
+            part.append(cell.copy())
+        part[0] += child
+    return parts
+
+
+def is_cell(node) -> bool:
+    return isinstance(node, nodes.container) and node.get("nb_element") == "cell_code"
+
+
+def is_folded(node) -> bool:
+    """Whether it is a cell that is folded with its outputs."""
+    return is_cell(node) and node.get("hide_mode") == "all"
+
+
 def is_heading(node) -> bool:
     return isinstance(node, (nodes.section, nodes.title))
 
 
 def has_output(node) -> bool:
-    return any(
+    return not is_folded(node) and any(
         isinstance(part, (nodes.figure, nodes.image, nodes.table))
         or ("cell_output" in part.get("classes", ()) and len(part))
         for part in node.findall(nodes.Element)

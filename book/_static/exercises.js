@@ -4,10 +4,13 @@
 
   // --- answers ---------------------------------------------------------------------------
   // "1.107", "-3", "1,107", "351.8, 223.3", "1e-3", "10.84 %"; null if it is something else
-  function numbers(text, several, whole) {
+  function numbers(text, count, whole) {
     let plain = text.replaceAll("\u2212", "-").replace(/^[([\s]+|[)\]\s]+$/g, "");
     if (whole && /^\d{1,3}([,' ]\d{3})+$/.test(plain)) plain = plain.replace(/[,' ]/g, "");
-    if (!several && /^[^,]*,[^,]*$/.test(plain)) plain = plain.replace(",", ".");
+    // "351,8 223,3": as many as are wanted without the commas, so these are decimal
+    const parts = plain.split(/\s*;\s*|,?\s+(?![\s%]),?\s*/);
+    if (parts.length === count && parts.every((part) => /^[^,]*(,[^,]+)?$/.test(part)))
+      plain = parts.join(";").replaceAll(",", ".");
     const found = plain.split(/\s*[,;]\s*|\s+(?!%)/).map((part) => {
       const share = /^(.*?)\s*%$/.exec(part);
       const x = share ? share[1] : part;
@@ -22,25 +25,29 @@
     for (const [values, tolerance, says] of rows)
       if (answer.every((x, k) => Math.abs(x - values[k]) <= tolerance * (1 + 1e-9))) return says;
     if (whole && !answer.every(Number.isInteger)) return words.NOT_WHOLE;
-    const largest = size(rows[0][0]);
+    const expected = rows[0][0], largest = size(expected);
+    if (whole && answer.length === 1 && largest < words.SMALL_WHOLE)
+      return answer[0] > expected[0] ? words.TOO_LARGE : words.TOO_SMALL;
     if (largest > 0 && size(answer) > 10 * largest) return words.LARGE;
     return 10 * size(answer) < largest ? words.SMALL : null;
   }
 
   function diagnose(text, data) {
     const { rows, parts, words } = data, count = rows[0][0].length;
-    const answer = numbers(text, count > 1, data.whole);
+    const answer = numbers(text, count, data.whole);
     if (answer === null) return `The text '${text.trim().slice(0, 40)}' given; ${data.amount} wanted.`;
     if (answer.length !== count)
       return `${answer.length === 1 ? "A number" : `${answer.length} numbers`} given; ${data.amount} wanted.`;
     const says = readOff(answer, rows, data);
     if (!parts.length || ![null, words.NOT_WHOLE, words.LARGE, words.SMALL].includes(says)) return says;
     const each = parts.map((part, k) => readOff([answer[k]], part, data));
-    const right = each.filter((word) => word === "").length;
-    if (!right) return says;
-    const k = each.findIndex((word) => word !== "");
-    const only = right === count - 1 ? "Only the" : "The";
-    return `${only} ${words.PLACES[k]} is wrong. ${each[k] || ""}`.trim();
+    const wrong = words.PLACES.filter((_, k) => k < count && !["", words.NEARLY].includes(each[k]));
+    if (!wrong.length) return words.NEARLY;
+    if (wrong.length === 1) return `Only ${wrong[0]} is wrong. ${each[words.PLACES.indexOf(wrong[0])] || ""}`.trim();
+    const faults = new Set(each.filter((word) => !["", words.NEARLY].includes(word)));
+    const fault = faults.size === 1 ? [...faults][0] : wrong.length === count ? says : null;
+    const which = `${wrong.slice(0, -1).join(", ")} and ${wrong.at(-1)} are wrong.`;
+    return `${which[0].toUpperCase()}${which.slice(1)} ${fault || ""}`.trim();
   }
 
   const EXERCISES = [...document.querySelectorAll(".fpp-answer")];
@@ -48,11 +55,20 @@
     const data = JSON.parse(atob(form.dataset.exercise)), output = form.querySelector("output");
     let wrong = 0;
     form.diagnose = (text) => diagnose(text, data);
+    const show = (lines) => output.replaceChildren(...lines.map((line) => {
+      const row = document.createElement("span");
+      row.textContent = line;
+      return row;
+    }));
     form.hidden = false;
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       const text = form.querySelector("input").value;
-      if (!text.trim()) return;
+      if (!text.trim()) {
+        form.dataset.says = "nothing";
+        show([`Type ${data.amount}.`]);
+        return;
+      }
       const says = diagnose(text, data), lines = [];
       if (says === "") {
         wrong = 0;
@@ -65,11 +81,7 @@
         if (number) lines.push(`Hint ${number} of ${data.hints.length}: ${data.hints[number - 1]}`);
       }
       form.dataset.says = says === "" ? "right" : says === data.words.NEARLY ? "nearly" : "wrong";
-      output.replaceChildren(...lines.map((line) => {
-        const row = document.createElement("span");
-        row.textContent = line;
-        return row;
-      }));
+      show(lines);
     });
   }
 

@@ -12,6 +12,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from sphinx.application import Sphinx
 
 from fpputil import exercises
+from fpputil.exercises.diagnosis import NEARLY
 
 ROOT = Path(__file__).parents[2]
 CHAPTERS = sorted((ROOT / "chapters").glob("[0-9]*.ipynb"))
@@ -74,14 +75,18 @@ Check yourself in the notebook with `check("{key}", answer)`.
 ```"""
 
 
-def cell_that_prints(text):
-    return new_code_cell("print()", outputs=[new_output("stream", text=text)], execution_count=1)
+def cell_that_prints(text, code="print()", *tags):
+    outputs = [new_output("stream", text=text)]
+    return new_code_cell(code, outputs=outputs, execution_count=1, metadata={"tags": tags})
 
 
 PAGE = [
     new_markdown_cell(f"# Title\n\nVisible. {QUESTION}"),
     new_code_cell("silent = 1", execution_count=1),
-    cell_that_prints("printed"),
+    new_markdown_cell("What the code does."),
+    cell_that_prints("printed", "open = 2"),
+    cell_that_prints("printed too", "folded = 3", "hide-input"),
+    new_code_cell("checked = 4", execution_count=1, metadata={"tags": ["hide-cell"]}),
     new_markdown_cell("(inside)=\nThe answer.\n\nThe text goes on."),
     new_markdown_cell(f"## Equation\n\n{QUESTION}"),
     cell_that_prints("printed"),
@@ -174,6 +179,17 @@ WRITTEN = [
     ("2.2", "(351.8, 223.3)", ""),
     ("2.2", "351.8; 223.3", ""),
     ("2.2", "351.8 223.3", ""),
+    ("2.2", "351,8 223,3", ""),
+    ("2.2", "351,8; 223,3", ""),
+    ("2.2", "351,8, 223,3", ""),
+    ("2.2", "351.8 , 223.3", ""),
+    ("2.2", "351.8 ,223.3", ""),
+    ("2.3", "-0,9962 -0,0872 0", ""),
+    ("2.3", "-1, -0.087, 0", NEARLY),
+    ("2.3", "-0.9962, 1, 1", "The second and the third are wrong."),
+    ("5.1", "1,0,2,2", ""),
+    ("5.1", "1,0, 2,2", ""),
+    ("3.2", "26", "It is too large."),
     ("2.2", "351.8", "A number given; 2 numbers wanted."),
     ("3.1", "1.107 rad", "The text '1.107 rad' given; a number wanted."),
     ("3.1", "0x10", "The text '0x10' given; a number wanted."),
@@ -191,7 +207,7 @@ def test_help_grows_by_keyboard_alone(page):
     assert output.get_attribute("aria-live") == "polite"
     assert page.get_by_label("Your answer", exact=True).count() >= 10
     said = []
-    for answer in ("-1.107", "0.5", "1.11", "0.5", "0.5", "1.107", "0.5"):
+    for answer in ("-1.107", "0.5", "1.11", "0.5", "0.5", " ", "1.107", "0.5"):
         field.fill(answer)
         field.press("Enter")
         said.append(output.locator("span").all_text_contents())
@@ -201,6 +217,7 @@ def test_help_grows_by_keyboard_alone(page):
         ["Right as far as it goes; give four digits, rounded."],
         ["Not yet.", f"Hint 2 of 2: {second}"],
         ["Not yet.", f"Hint 2 of 2: {second}"],
+        ["Type a number."],
         ["Right."],
         ["Not yet."],
     ]
@@ -228,12 +245,17 @@ VISIBLE = "text => [...document.querySelectorAll('p, pre')].find(e => e.textCont
 VISIBLE += ".checkVisibility({contentVisibilityAuto: true})"
 
 
-HIDDEN = ["printed", "The answer.", "Only words"]
-OPEN = ["The text goes on.", "We get", "goes on again"]
+HIDDEN = ["printed", "printed too", "The answer.", "Only words"]
+OPEN = ["silent = 1", "What the code does.", "open = 2", "The text goes on.", "We get"]
+OPEN += ["goes on again"]
+FOLDED = ["folded = 3", "checked = 4"]
 
 
 def test_what_a_prediction_hides_and_a_key_shows(page):
-    assert [page.evaluate(VISIBLE, text) for text in HIDDEN + OPEN] == 3 * [False] + 3 * [True]
+    def seen():
+        return [text for text in HIDDEN + OPEN + FOLDED if page.evaluate(VISIBLE, text)]
+
+    assert seen() == OPEN
     buttons = page.locator(".fpp-show").all()
     assert len(buttons) == 3
     for button in buttons:
@@ -241,8 +263,12 @@ def test_what_a_prediction_hides_and_a_key_shows(page):
         button.focus()
         page.keyboard.press("Enter")
         assert button.get_attribute("aria-expanded") == "true"
-    assert all(page.evaluate(VISIBLE, text) for text in HIDDEN + OPEN)
+    assert seen() == HIDDEN + OPEN
+    for details in page.locator("details.hide").all():
+        details.locator("summary").click()
+    assert seen() == HIDDEN + OPEN + FOLDED
     buttons[0].click()
+    assert seen() == HIDDEN[3:] + OPEN + FOLDED
     assert not page.evaluate(VISIBLE, "The answer.")
 
 

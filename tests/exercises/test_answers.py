@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fpputil.exercises import EXERCISES, find
-from fpputil.exercises.diagnosis import NEARLY
+from fpputil.exercises.diagnosis import NEARLY, NOT_WHOLE, SMALL_WHOLE, TOO_LARGE, TOO_SMALL
 
 FILES = sorted(Path(__file__).parent.glob("answers_*.py"))
 CHAPTERS = [runpy.run_path(str(file)) for file in FILES]
@@ -44,6 +44,7 @@ def digits(values, number):
 GENERIC = {
     "sign": (lambda e: -e, "The size is right, the sign is wrong."),
     "per cent": (lambda e: 100 * e, "It is 100 times too large: per cent in place of a share?"),
+    "hundred": (lambda e: 100 * e, "It is 100 times too large."),
     "metres": (lambda e: e / 1000, "It is 1000 times too small: look at the units."),
     "degrees": (np.degrees, "It is 180 / pi times too large: degrees in place of radians?"),
     "twice, and the sign": (lambda e: -2 * e, "It is twice the right one. The sign is wrong too."),
@@ -68,6 +69,7 @@ def test_faults_of_every_number(key, fault):
         (whole and fault in ("degrees", "digits", "reciprocal"))
         or (not whole and fault.startswith("too"))
         or (exercise.unit != "rad" and fault == "turned")
+        or fault == ("per cent" if exercise.unit or whole else "hundred")
         or (expected.ndim == 0 and fault == "order")
         or (not expected.all() and fault == "reciprocal")
     ):
@@ -75,6 +77,12 @@ def test_faults_of_every_number(key, fault):
     wrong = change(expected)
     if np.allclose(wrong, expected, rtol=1e-4, atol=0):
         return  # -3, 14.25 and 1200 have three digits and no more
+    if whole and np.abs(expected).max() < SMALL_WHOLE and fault not in ("sign", "order"):
+        says = TOO_LARGE if wrong.max() > expected.max() else TOO_SMALL  # gives nothing away
+        says = says if np.all(wrong == np.rint(wrong)) else NOT_WHOLE
+        if expected.ndim:
+            assert exercise.diagnose(wrong).endswith(f" are wrong. {says}")
+            return
     assert exercise.diagnose(wrong) == says
 
 

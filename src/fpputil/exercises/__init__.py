@@ -36,7 +36,7 @@ class Exercise:
     def diagnose(self, answer) -> str | None:
         """Say what is wrong with an answer: "" if nothing is, None if nobody knows."""
         if self.form:
-            return diagnosis.of_function(answer, self.form, self.solve, self.period)
+            return diagnosis.of_function(answer, self.form, self.solve, self.period, self.unit)
         return diagnosis.of_number(answer, self.expected, self.unit)
 
 

@@ -32,6 +32,7 @@ def pitch_of_64_periods():
     "1.3",
     "shifts and columns both count from 0; [:, None] turns the shifts into a column.",
     "255 / 2 * (1 + cos(2 pi i / pitch + 2 pi n / N)), in radians, not rounded.",
+    unit="grey levels",
 )
 def pattern(answer):
     """pattern(pitch, steps, width)"""

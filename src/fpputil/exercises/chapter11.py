@@ -26,6 +26,7 @@ def rank_agreement(answer):
     "I_n = A + B cos(phi + n pi / 2).",
     "with the background gone, the photographs are B cos(phi) and -B sin(phi): "
     "atan2(A - I1, I0 - A).",
+    unit="rad",
     period=2 * math.pi,
 )
 def two_steps(answer):

@@ -13,6 +13,7 @@ from fpputil.exercises import exercise
     "12.1",
     "a column is Phi pitch / 2 pi.",
     "sigma pitch / (2 pi rate): a millimetre moves the column by rate.",
+    unit="mm",
 )
 def depth_uncertainty(answer):
     """depth_sigma(sigma, pitch, rate)"""

@@ -55,6 +55,7 @@ def dark_share():
     "3.5",
     "turning the sign of the phase is not enough: which shift does the first frame have?",
     "bring the frames into the order of the shifts, frames[::-1], before you decode them.",
+    unit="rad",
     period=2 * np.pi,
 )
 def backwards(answer):

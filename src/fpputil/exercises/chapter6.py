@@ -26,6 +26,7 @@ def phase_error_in_mm():
     "6.2",
     "a pixel coordinate gives one linear equation, u P_2 X = P_0 X with X = (x, y, z, 1).",
     "solve three equations: two rows of the camera's P, and the column's of the projector's.",
+    unit="mm",
 )
 def meeting_point(answer):
     """meet(u, v, column, system)"""

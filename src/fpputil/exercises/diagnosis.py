@@ -12,6 +12,7 @@ notebook, ``exercises.js`` on a page.
 from __future__ import annotations
 
 import inspect
+import itertools
 import math
 import traceback
 
@@ -21,10 +22,18 @@ DIGITS = 4
 NEARLY = "Right as far as it goes; give four digits, rounded."
 NOT_WHOLE = "A whole number is wanted."
 CLOSE = "It is close, but not right to four digits: rounded on the way, or a small term left out?"
+SIGN = "The size is right, the sign is wrong."
 LARGE, SMALL = "It is far too large.", "It is far too small."
+SMALL_WHOLE = (
+    20  # of a whole number below it no more is told than these, which leave it to be found
+)
+TOO_LARGE, TOO_SMALL = "It is too large.", "It is too small."
+TO_WHOLE = "It is rounded to whole numbers."
+ROUNDED = "It is rounded: return all digits."
+CONSTANT = "It is right up to a constant."
 FACTORS = (  # times the right one, and what it may be
-    (100, "It is 100 times too large: per cent in place of a share?"),
-    (1 / 100, "It is 100 times too small: a share in place of per cent?"),
+    (100, "It is 100 times too large."),
+    (1 / 100, "It is 100 times too small."),
     (1000, "It is 1000 times too large: look at the units."),
     (1 / 1000, "It is 1000 times too small: look at the units."),
     (10, "It is 10 times too large."),
@@ -36,7 +45,11 @@ FACTORS = (  # times the right one, and what it may be
     (2, "It is twice the right one."),
     (1 / 2, "It is half the right one."),
 )
-PLACES = ("first", "second", "third", "fourth")
+PER_CENT = {  # what it may be instead where the unit is none, or per cent
+    ("", 100): "It is 100 times too large: per cent in place of a share?",
+    ("%", 1 / 100): "It is 100 times too small: a share in place of per cent?",
+}
+PLACES = ("the first", "the second", "the third", "the fourth")
 
 
 def table(expected, unit: str = "", last: float | None = None) -> list[tuple]:
@@ -47,7 +60,8 @@ def table(expected, unit: str = "", last: float | None = None) -> list[tuple]:
     expected : number or array
         The right answer; integers are exact.
     unit : str
-        "rad" and "px" have faults of their own: whole turns, half pixels.
+        "rad" and "px" have faults of their own: whole turns, half pixels. A share has
+        none, and "%" is per cent.
     last : float, optional
         What one in the fourth digit is, where `expected` is one of several numbers.
 
@@ -64,34 +78,43 @@ def table(expected, unit: str = "", last: float | None = None) -> list[tuple]:
     e = np.asarray(expected)
     whole = e.dtype.kind in "iu"
     e = e if whole else e.astype(float)
-    of_several = last is not None
-    last = last if of_several else unit_of_digit(e, DIGITS)
+    last = last or unit_of_digit(e, DIGITS)
     near = 0.0 if whole else 5 * last  # a fault is told to three digits
     rows = [(e, 0.0 if whole else last / 2, "")]
 
     def likely(values, says, tolerance=near):
         rows.append((np.asarray(values), tolerance, says))
 
-    if not whole:
-        for step in (last, 10 * last, 100 * last)[: 2 if of_several else 3]:
-            for rounding in (np.rint, np.trunc):
-                likely(rounding(e / step * (1 + 1e-12)) * step, NEARLY, 1e-9 * step)
-    if e.any():
-        likely(-e, "The size is right, the sign is wrong.")
+    if not whole:  # at least two digits; fewer than three only if they are rounded
+        for step, roundings in (
+            (last, (np.rint, np.trunc)),
+            (10 * last, (np.rint, np.trunc)),
+            (100 * last, (np.rint,)),
+        ):
+            if step < 2 * unit_of_digit(e, 2):
+                for rounding in roundings:
+                    likely(rounding(e / step * (1 + 1e-12)) * step, NEARLY, 1e-9 * step)
+    if np.max(np.abs(e), initial=0) > last / 2:
+        likely(-e, SIGN)
+    few = e.ndim == 1 and len(e) <= len(PLACES) and not whole
+    for order in list(itertools.permutations(e))[1:] if few else [e[::-1]] if e.ndim else []:
+        if np.abs(order - e).max() > near:
+            likely(order, "The values are right, their order is not.")
+    if whole and np.max(np.abs(e), initial=0) < SMALL_WHOLE:
+        return rows
     if whole:
         likely(e + 1, "It is one too many.")
         likely(e - 1, "It is one too few.")
     if unit == "px":
         for half in (0.5, -0.5):
             likely(e + half, "It is half a pixel off: pixel centres are whole numbers.", last / 2)
-    if e.ndim:
-        likely(e[::-1], "The values are right, their order is not.")
     if e.ndim > 1 and e.T.shape == e.shape:
         likely(e.T, "The axes are swapped.")
     if unit == "rad":
         for turns in (1, -1, 2, -2, 3, -3):
             likely(e + turns * 2 * math.pi, "It is off by a multiple of 2 pi.")
     for factor, says in FACTORS if e.any() else ():
+        says = says if whole else PER_CENT.get((unit, factor), says)
         near_it = 5 * unit_of_digit(factor * e, DIGITS)
         likely(factor * e, says, near_it)
         likely(-factor * e, f"{says} The sign is wrong too.", near_it)
@@ -125,9 +148,12 @@ def read_off(answer, rows) -> str | None:
         if np.all(np.abs(answer - values) <= tolerance * (1 + 1e-9)):
             return says
     expected, size = rows[0][0], np.max(np.abs(answer), initial=0)
-    if expected.dtype.kind in "iu" and np.any(answer != np.rint(answer)):
+    whole = expected.dtype.kind in "iu"
+    if whole and np.any(answer != np.rint(answer)):
         return NOT_WHOLE
     largest = np.max(np.abs(expected), initial=0)
+    if whole and expected.ndim == 0 and largest < SMALL_WHOLE:
+        return TOO_LARGE if answer > expected else TOO_SMALL
     return LARGE if size > 10 * largest > 0 else SMALL if 10 * size < largest else None
 
 
@@ -164,12 +190,7 @@ def of_number(answer, expected, unit: str = "") -> str | None:
             return f"{kind(answer)} given; True or False wanted."
         return "" if answer == expected else f"It is {answer} where {expected} is right."
     e = np.asarray(expected)
-    try:
-        a = np.asarray(answer)
-        if a.dtype.kind not in "iufbO" or answer is None:
-            raise TypeError
-        a = a.astype(float)
-    except (TypeError, ValueError, AttributeError, RuntimeError, OverflowError):
+    if (a := as_floats(answer)) is None:
         return f"{kind(answer)} given; {amount(e.shape)} wanted."
     if a.shape != e.shape:
         swapped = ": the axes are swapped" if e.ndim > 1 and a.T.shape == e.shape else ""
@@ -180,11 +201,20 @@ def of_number(answer, expected, unit: str = "") -> str | None:
     says = read_off(a, table(e, unit))
     if e.ndim and says in (None, NOT_WHOLE, LARGE, SMALL):
         few = len(e) <= len(PLACES)
-        return (few and _of_few(a, parts(e, unit))) or _of_many(a, e) or says
+        return _of_few(a, parts(e, unit), says) if few else _of_many(a, e) or says
     return says
 
 
-def of_function(answer, form: str, cases, period: float = 0.0) -> str | None:
+def as_floats(answer) -> np.ndarray | None:
+    """An array of numbers; None if the answer is something else."""
+    try:
+        a = np.asarray(answer)
+        return None if a.dtype.kind not in "iufbO" or answer is None else a.astype(float)
+    except (TypeError, ValueError, AttributeError, RuntimeError, OverflowError):
+        return None
+
+
+def of_function(answer, form: str, cases, period: float = 0.0, unit: str = "") -> str | None:
     """Say what is wrong with a function, which is run.
 
     Parameters
@@ -197,6 +227,8 @@ def of_function(answer, form: str, cases, period: float = 0.0) -> str | None:
         Takes the function and yields pairs: what it returned, what is right.
     period : float
         Results that differ by a multiple of it are the same; 0 if none are.
+    unit : str
+        Of what is returned, as in `table`.
 
     Returns
     -------
@@ -224,19 +256,38 @@ def of_function(answer, form: str, cases, period: float = 0.0) -> str | None:
         return f"Your function is called as {form}; it takes {takes}."
     try:
         for found, expected in cases(answer):
-            if period and np.shape(found) == np.shape(expected):
-                turns = np.rint((np.asarray(found, float) - expected) / period)
-                if of_number(found - turns * period, expected) == "":
-                    continue
             if found is None:
                 return "Your function returns nothing: where is its return?"
-            if says := of_number(found, expected):
+            says = of_number(found, expected, unit)
+            if says != "" and not isinstance(expected, bool):
+                says = _of_returned(as_floats(found), np.asarray(expected, float), period, says)
+            if says:
                 return f"Your function returns something else. {says}"
             if says is None:
                 return None
     except Exception as error:  # whatever it is, the reader is told
         return _raised(error, answer)
     return ""
+
+
+def _of_returned(found, e, period: float, says: str | None) -> str | None:
+    """Say what only shows where a function was run: rounding, and a constant added to angles."""
+    if found is None or found.shape != e.shape:
+        return says
+    off = np.abs(found - e).max()
+    if found.ndim and np.abs(e).max() > 1 > off and np.all(found == np.rint(found)):
+        return TO_WHOLE if np.any(e != np.rint(e)) else says
+    if says == NEARLY:
+        return ROUNDED
+    for sign, turned in ((1, False), (-1, True)) if period else ():
+        turns = (found - sign * e) / period
+        offset = np.angle(np.exp(2j * np.pi * turns).mean()) / (2 * np.pi)
+        if np.abs(turns - offset - np.rint(turns - offset)).max() < 1e-4:
+            if abs(offset) < 1e-4:
+                return SIGN if turned else ""
+            if found.ndim:
+                return f"{CONSTANT} The sign is wrong too." if turned else CONSTANT
+    return says
 
 
 def _other_arguments(function, number: int) -> str | None:
@@ -294,13 +345,20 @@ def parts(expected, unit: str = "") -> list:
     return [table(e, unit, unit_of_digit(expected, DIGITS)) for e in np.asarray(expected)]
 
 
-def _of_few(answer, tables) -> str | None:
-    says = [read_off(a, rows) for a, rows in zip(answer, tables, strict=True)]
-    if "" not in says:
-        return None
-    k = next(k for k, word in enumerate(says) if word != "")
-    only = "Only the" if says.count("") == len(says) - 1 else "The"
-    return f"{only} {PLACES[k]} is wrong. {says[k] or ''}".rstrip()
+def _of_few(answer, tables, says: str | None) -> str | None:
+    """Name those that are wrong, and their fault if they have the same."""
+    each = [read_off(a, rows) for a, rows in zip(answer, tables, strict=True)]
+    wrong = {PLACES[k]: fault for k, fault in enumerate(each) if fault not in ("", NEARLY)}
+    if not wrong:
+        return NEARLY
+    *others, last = wrong
+    fault = wrong[last] if len(set(wrong.values())) == 1 else None
+    if not others:
+        return f"Only {last} is wrong. {fault or ''}".rstrip()
+    if len(wrong) == len(each):
+        fault = fault or says
+    which = f"{', '.join(others)} and {last} are wrong."
+    return f"{which[0].upper()}{which[1:]} {fault or ''}".rstrip()
 
 
 def _of_many(answer, expected) -> str | None:
