@@ -72,6 +72,7 @@ def test_faults_of_every_number(key, fault):
         or fault == ("per cent" if exercise.unit or whole else "hundred")
         or (expected.ndim == 0 and fault == "order")
         or (not expected.all() and fault == "reciprocal")
+        or (key == "1.1" and fault.startswith("twice"))  # -3 would be given away
     ):
         return
     wrong = change(expected)

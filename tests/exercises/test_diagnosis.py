@@ -51,6 +51,8 @@ NUMBERS = [
     (105, 106, "It is one too many."),
     (105, 1050, "It is 10 times too large."),
     (105, 10500, "It is 100 times too large."),
+    (-3.0, -6, None),  # not twice: of so small a number it would be given away
+    (-3.5, -7, "It is twice the right one."),
     (13, 12, TOO_SMALL),
     (13, 26, TOO_LARGE),
     (13, -13, SIGN),

@@ -113,7 +113,10 @@ def table(expected, unit: str = "", last: float | None = None) -> list[tuple]:
     if unit == "rad":
         for turns in (1, -1, 2, -2, 3, -3):
             likely(e + turns * 2 * math.pi, "It is off by a multiple of 2 pi.")
+    simple = np.max(np.abs(e), initial=0) < SMALL_WHOLE and np.allclose(e, np.rint(e), atol=1e-9)
     for factor, says in FACTORS if e.any() else ():
+        if simple and factor in (2, 1 / 2):
+            continue  # would give it away, as with whole numbers
         says = says if whole else PER_CENT.get((unit, factor), says)
         near_it = 5 * unit_of_digit(factor * e, DIGITS)
         likely(factor * e, says, near_it)
