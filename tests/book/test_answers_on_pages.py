@@ -38,7 +38,6 @@ def load(path):
 
 
 load("book/_ext/fpp_exercises.py")  # where Sphinx finds it by its name
-browser = load("tests/book/test_pages.py").browser
 
 
 def keys_of_the_book():
