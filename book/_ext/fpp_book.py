@@ -22,6 +22,7 @@ from myst_nb.sphinx_ import NbMetadataCollector
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective, SphinxRole
 
+from fpputil.files import write_whole
 from fpputil.interactive import live
 
 LOGGER = logging.getLogger(__name__)
@@ -121,9 +122,7 @@ def record_runtimes(app, env):
     if runtimes != before:
         path = Path(app.srcdir, RUNTIMES)
         path.parent.mkdir(exist_ok=True)
-        partial = path.with_suffix(".part")
-        partial.write_text(json.dumps(runtimes, indent=2, sort_keys=True) + "\n")
-        partial.replace(path)
+        write_whole(path, (json.dumps(runtimes, indent=2, sort_keys=True) + "\n").encode())
     return [name for name in env.found_docs if name == "book/execution"]
 
 

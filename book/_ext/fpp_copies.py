@@ -8,6 +8,8 @@ import hashlib
 import json
 from pathlib import Path
 
+from fpputil.files import write_whole
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -15,12 +17,6 @@ def typed(notebook: dict) -> str:
     """Return a hash of what a reader types, which running a notebook leaves alone."""
     cells = [[cell["cell_type"], "".join(cell["source"])] for cell in notebook["cells"]]
     return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
-
-
-def write(path: Path, text: str) -> None:
-    partial = path.with_suffix(".part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
 
 
 def origin(copy: Path) -> tuple[dict, bool]:
@@ -65,7 +61,7 @@ def refresh(editions: Path, copies: Path) -> list[str]:
             if not untouched:
                 kept.append(file.name)
                 continue
-        write(copy, text)
+        write_whole(copy, text.encode())
         trust(text)
     return kept
 

@@ -208,7 +208,7 @@ def outdated(app, env, added, changed, removed):
     new = added | changed
     chapters = {name for name in env.found_docs if name.startswith("chapters/")}
     again = chapters if GLOSSARY in new else set()
-    return [*again, *({GALLERY} & env.found_docs if new & chapters else ())]
+    return [*again, *({GALLERY} & env.found_docs if new else ())]
 
 
 def setup(app):

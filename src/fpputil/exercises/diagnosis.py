@@ -24,9 +24,7 @@ NOT_WHOLE = "A whole number is wanted."
 CLOSE = "It is close, but not right to four digits: rounded on the way, or a small term left out?"
 SIGN = "The size is right, the sign is wrong."
 LARGE, SMALL = "It is far too large.", "It is far too small."
-SMALL_WHOLE = (
-    20  # of a whole number below it no more is told than these, which leave it to be found
-)
+SMALL_WHOLE = 20  # of a whole number below it no more is told than these two
 TOO_LARGE, TOO_SMALL = "It is too large.", "It is too small."
 TO_WHOLE = "It is rounded to whole numbers."
 ROUNDED = "It is rounded: return all digits."
