@@ -201,7 +201,7 @@ def imported(source: str) -> list[str]:
 
 
 def write_editions(app, exception):
-    if exception is not None or app.builder.format != "html":
+    if exception is not None or app.builder.name != "html":  # the one-page book has other numbers
         return
     pages = sorted(name for name in app.env.found_docs if has_edition(app.env, name))
     made = {Path(page).name + ".ipynb": nbformat.writes(edition(app, page)) for page in pages}

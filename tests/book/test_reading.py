@@ -171,6 +171,8 @@ def test_the_gallery_has_all_numbered_figures(opened):
 
 @pytest.mark.slow
 def test_the_book_is_one_pdf(html, tmp_path):
-    target = tmp_path / "book.pdf"
+    target, edition = tmp_path / "book.pdf", ROOT / "_build/editions/01_fringes.ipynb"
+    before = edition.read_bytes()
     subprocess.run(["make", "-C", ROOT, "pdf", f"PDF={target}"], check=True)
+    assert edition.read_bytes() == before, "the one-page book leaves the editions alone"
     assert target.read_bytes().startswith(b"%PDF") and target.stat().st_size > 5e6
