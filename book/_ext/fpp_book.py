@@ -13,11 +13,15 @@ import inspect
 import json
 import os
 import re
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
 from docutils import nodes
 from docutils.statemachine import StringList
+from jupyter_cache import get_cache
+from jupyter_cache.executors import load_executor
 from myst_nb.sphinx_ import NbMetadataCollector
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective, SphinxRole
@@ -53,6 +57,33 @@ def set_execution(app, config):
     config.nb_execution_cache_path = str(cache)
     if os.environ.get("FPP_EXECUTE", "on") == "off":
         config.nb_execution_mode = "off"
+
+
+def execute_chapters(app, env, docnames):
+    """Execute the chapters that the cache lacks, two at a time; Sphinx takes them from there.
+
+    One that fails is not kept: Sphinx runs it again and tells the error.
+    """
+    config = app.config
+    paths = [Path(env.doc2path(name)) for name in docnames]
+    notebooks = [path for path in paths if path.suffix == ".ipynb"]
+    if config.nb_execution_mode != "cache" or len(notebooks) < 2:
+        return
+    times, root = read_runtimes(Path(app.srcdir)), Path(app.srcdir)
+    notebooks.sort(key=lambda path: -times.get(str(path.relative_to(root).with_suffix("")), 60))
+    cache = get_cache(config.nb_execution_cache_path)
+    for path in notebooks:
+        cache.add_nb_to_project(str(path))
+    execute = partial(execute_chapter, config.nb_execution_cache_path, config.nb_execution_timeout)
+    with ProcessPoolExecutor(2) as pool:
+        list(pool.map(execute, map(str, notebooks)))
+
+
+def execute_chapter(cache: str, timeout: int, path: str) -> None:
+    """Execute a notebook into a cache, with half of the processor's cores."""
+    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // 2)))
+    executor = load_executor("local-serial", get_cache(cache))
+    executor.run_and_cache(filter_uris=[path], timeout=timeout)
 
 
 # --- honest --------------------------------------------------------------------------------
@@ -286,6 +317,7 @@ def setup(app):
     app.add_directive("runtimes", RunTimesDirective)
     app.add_directive("face", FaceDirective)
     app.connect("config-inited", set_execution)
+    app.connect("env-before-read-docs", execute_chapters)
     app.connect("env-updated", record_runtimes)
     app.connect("doctree-resolved", fill_in_times)
     app.connect("builder-inited", offer_runtime)

@@ -62,6 +62,31 @@ def test_a_change_executes_again(book):
         assert runs(book) == times, f"{changed} changed"
 
 
+MEET = """\
+import time
+from pathlib import Path
+with Path("runs").open("a") as f:
+    f.write("x")
+Path("{}.mark").touch()
+for _ in range(600):
+    if Path("{}.mark").exists():
+        break
+    time.sleep(0.1)
+else:
+    raise TimeoutError("the other chapter did not run beside this one")"""
+
+
+def test_two_chapters_run_side_by_side_each_once(book):
+    toc = "format: jb-book\nroot: index\nchapters: [{file: one}, {file: two}]\n"
+    (book / "_toc.yml").write_text(toc)
+    write(book, MEET.format("one", "two"))
+    (book / "one.ipynb").rename(book / "two.ipynb")
+    write(book, MEET.format("two", "one"))
+    result = build(book, "-W", "--keep-going")
+    assert result.returncode == 0, result.stderr
+    assert runs(book) == 2
+
+
 def test_stored_outputs_are_rendered_without_executing(book):
     assert build(book, execute="off").returncode == 0
     assert runs(book) == 0
