@@ -14,8 +14,9 @@ import numpy as np
 
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.measurement import Measurement
+from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Reason
+from fpputil.capture.quality import Reason, start_offsets
 from fpputil.decoding import phase
 
 FINDINGS = {
@@ -41,12 +42,12 @@ FINDINGS = {
     ),
     "offset": (
         "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
-        "check that both begin with step 0 and have the steps that were projected",
+        "{likely}check that both begin with step 0 and have the steps that were projected",
     ),
     "disagree": (
         "the phases of {pair} do not belong together",
-        "check pitches, their order, the direction of the shift and the unwrapping; or the noise "
-        "is far too high for these pitches",
+        "check the pitches (pixels, or are these periods?), the direction of the shift and the "
+        "unwrapping; or the noise is far too high for these pitches",
     ),
     "saturated": (
         "the camera is saturated at {share:.0%} of the lit pixels",
@@ -101,7 +102,8 @@ SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the s
 HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
 PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
-OFFSET = 0.15  # of an order step
+OFFSET = 0.15  # of an order
+FITS = 0.05  # of an order, by which a start may miss the offsets that it explains
 SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
 ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
 STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
@@ -230,12 +232,33 @@ def local_frequencies(m: Measurement) -> np.ndarray:
 
 def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
+    start = likely_start(m, capture.patterns)
+    likely = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
         pair = f"{_fringe(m, k)} and pitch {m.fringes[k + 1].pitch:g}"
         if sharpness > SURE and abs(offset) > OFFSET:
-            yield _finding("offset", pair=pair, offset=offset)
+            yield _finding("offset", pair=pair, offset=offset, likely=likely)
         elif sharpness < SURE / 2 and m.lit.any():
             yield _finding("disagree", pair=pair)
+
+
+def likely_start(m: Measurement, patterns: Patterns) -> str:
+    """Name or degrees of the start of all fringes that explains the offsets, "" if none does."""
+    clear = m.sharpness > SURE
+    if not clear.any() or any(f.start for f in m.fringes):
+        return ""
+    pitches, width = [f.pitch for f in m.fringes], patterns.width(m.axis)
+
+    def miss(degrees):
+        offsets = start_offsets(pitches, patterns.unwrap, width, degrees / 360)
+        return np.abs((m.offsets - offsets + 0.5) % 1 - 0.5)[clear].max()
+
+    named = [*STARTS.items(), *((str(d), d) for d in (90, 120, -120))]
+    if names := [name for name, degrees in named if miss(degrees) < FITS]:
+        return " or ".join(names)
+    degrees = [d for d in range(-179, 181) if miss(d) < FITS]
+    alone = degrees and max(degrees) - min(degrees) < 36  # and not one of several
+    return str(min(degrees, key=miss)) if alone else ""
 
 
 def _clipping(m, capture) -> Iterator[Finding]:

@@ -16,6 +16,7 @@ from fpputil.capture.gamma import LEAST_STEPS, estimate_gamma, linearise
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Fit, Noise, Reason, fit, judge, noise_of
+from fpputil.capture.suggestion import suggestion
 from fpputil.checks import not_negative
 from fpputil.decoding import phase, unwrap
 from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
@@ -220,7 +221,11 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
     pitches, width = [f.pitch for f in patterns.along(axis).values()], patterns.width(axis)
     if patterns.unwrap != "minimum":
         method = unwrap.TEMPORAL[patterns.unwrap]
-        method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
+        try:
+            method(list(np.zeros((len(pitches), 1, 1))), pitches, width)
+        except ValueError as error:
+            other = suggestion(patterns.unwrap, pitches, width)
+            raise ValueError(f"{error}{other}") from error
         return lambda phis: method(phis, pitches, width)
     if system is None or axis != "column":
         lack = "no system" if system is None else "fringes along rows"

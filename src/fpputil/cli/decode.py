@@ -23,7 +23,9 @@ class Files:
     files: Annotated[
         str | None, option("Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.")
     ] = None
-    projector: Annotated[Size, option("Pixels.")] = (912, 1140)
+    projector: Annotated[
+        Size | None, option("Pixels (default 912x1140, unless the pitches say otherwise).")
+    ] = None
     first: Annotated[int, option("Number of the first step in a name.")] = 0
     order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
     white: Annotated[str, option("Photograph in plain light.")] = ""
@@ -83,21 +85,26 @@ def _number(text: str) -> float:
 
 
 def _patterns(folder: Path, names: Files, fringes: Fringes):
-    """Patterns named on the command line, or of a file, whose direction --shift may turn."""
+    """Patterns named on the command line, or of a file, which --shift and --start may turn."""
     from fpputil.capture.photographs import of_folder
 
     if names.patterns is not None and names.files is not None:
         raise ValueError("--patterns and --files given; one of them names the photographs")
     if names.files is not None:
         options = given(names)
-        return fringes.patterns(options.pop("projector"), **options)
-    if beside := given(replace(fringes, shift=None)):
+        return fringes.patterns(options.pop("projector", None), **options)
+    if beside := given(replace(fringes, shift=None, start=None)):
         reason = "a pattern file tells it, or --files and all the others do"
         raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
     patterns = (
         of_folder(folder) if names.patterns is None else capture.Patterns.load(names.patterns)
     )
-    return patterns if fringes.shift is None else replace(patterns, shift=fringes.shift)
+    if fringes.shift is not None:
+        patterns = replace(patterns, shift=fringes.shift)
+    if fringes.start is not None:
+        each = (tuple(f for f in patterns.fringes if f.axis == axis) for axis in patterns.axes)
+        patterns = replace(patterns, fringes=sum(map(fringes.begun, each), ()))
+    return patterns
 
 
 def _print(decoded, system) -> None:
