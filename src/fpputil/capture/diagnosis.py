@@ -12,12 +12,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from fpputil.capture.coding import code_fault
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Reason, start_offsets
-from fpputil.decoding import phase
+from fpputil.decoding import phase, unwrap
 
 FINDINGS = {
     "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
@@ -39,6 +40,24 @@ FINDINGS = {
         "the projector's {axis}s grow {way} in the picture",
         "give shift {shift}: the steps go the other way; if they do not, the projector or the "
         "camera is mirrored or upside down: set it right, or use --accept",
+    ),
+    "bits": (
+        "the pictures of bits {bits} of the Gray code along the {axis}s are exchanged (0 is the "
+        "first)",
+        "exchange their names",
+    ),
+    "inverted": (
+        "black and white are exchanged in {bits} of the Gray code's pictures along the {axis}s (0 "
+        "is the first)",
+        "photograph the pictures of `fpp patterns`, or invert the photographs",
+    ),
+    "backwards": (
+        "the bits of the Gray code along the {axis}s come with the least significant one first",
+        "name them in the other order",
+    ),
+    "binary": (
+        "the code along the {axis}s looks like plain binary numbers, not like a Gray code",
+        "project a Gray code: of binary numbers several bits change at one edge",
     ),
     "offset": (
         "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
@@ -65,7 +84,8 @@ FINDINGS = {
     ),
     "orders": (
         "the order is a guess at {share:.0%} of the lit pixels",
-        "take more steps at the long pitches, or a pitch between two that are far apart",
+        "take more steps at the long pitches, a pitch between two that are far apart, or a "
+        "complementary Gray code",
     ),
     "dark": (
         "{lit:.1%} of the pixels are lit, with a median modulation of {level:.0f} grey levels",
@@ -85,13 +105,27 @@ FINDINGS = {
 }
 """Of each finding by its code what is the matter, and what to do about it."""
 
-SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
+SEVERE = (
+    "exchanged",
+    "frame",
+    "swapped",
+    "pitch",
+    "direction",
+    "offset",
+    "disagree",
+    "clipped",
+    "bits",
+    "inverted",
+    "backwards",
+    "binary",
+)
 """Findings with which the phases are wrong; with the others they are noisier or fewer."""
 
 ORDER = ("offset", "disagree", "orders")
 FOLLOW = {
     **dict.fromkeys(("frame", "exchanged"), (*ORDER, "response")),
     **dict.fromkeys(("swapped", "pitch", "direction"), ORDER),
+    **dict.fromkeys(("bits", "inverted", "backwards", "binary"), (*ORDER, "direction")),
     "offset": ("orders",),
     **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
     "clipped": ("response",),
@@ -142,7 +176,7 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_repeated, _frequencies, _offset, _clipping, _response, _light)
+    checks = (_repeated, _frequencies, _code, _offset, _clipping, _response, _light)
     findings = [finding for check in checks for finding in check(measurement, capture)]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
@@ -230,12 +264,25 @@ def local_frequencies(m: Measurement) -> np.ndarray:
     return np.array(medians)
 
 
+def _code(m, capture) -> Iterator[Finding]:
+    """Bits of a Gray code that would make a smooth column if they were read otherwise."""
+    if m.reading is None:
+        return
+    phi = m.wrapped[0] if m.sample else None
+    if phi is not None and m.sharpness[0] > SURE:  # the fringes may begin otherwise
+        phi = unwrap.wrap(phi - np.float32(unwrap.TWO_PI * m.offsets[0]))
+    fault = code_fault(m.reading, phi, m.fringes[0].pitch, m.axis, m.lit)
+    if fault is not None:
+        yield _finding(fault[0], bits=fault[1], axis=m.axis)
+
+
 def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
     start = likely_start(m, capture.patterns)
     likely = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
+    names = ["the Gray code"] * (m.reading is not None) + [f"pitch {f.pitch:g}" for f in m.fringes]
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
-        pair = f"{_fringe(m, k)} and pitch {m.fringes[k + 1].pitch:g}"
+        pair = f"{names[k]} and {names[k + 1]} along the {m.axis}s"
         if sharpness > SURE and abs(offset) > OFFSET:
             yield _finding("offset", pair=pair, offset=offset, likely=likely)
         elif sharpness < SURE / 2 and m.lit.any():
@@ -300,7 +347,7 @@ def _light(m, capture) -> Iterator[Finding]:
     contrast = np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]) if lit > 0 else 1.0
     if contrast < 0.3:
         yield _finding("contrast", contrast=contrast)
-    if not m.noise.known:
+    if m.sample and not m.noise.known:
         yield _finding("noise")
 
 

@@ -250,6 +250,9 @@ def start_offsets(pitches: Sequence[float], method: str, width: float, start: fl
         p, q = pitches
         return _fraction(np.array([(p - q) / order_step(method, p, q) * start]))
     offsets, off, pitches = [], start, pitches[::-1] if method == "mw" else pitches
+    if method == "gray":  # the code tells how far the first phase is off
+        off = _fraction(start)
+        offsets = [off]
     for p, q in pairwise(pitches):  # the order of a pitch takes up what is whole
         apart = off * p / q - start
         offsets.append(_fraction(apart))
@@ -290,8 +293,13 @@ def _look(one: Fit, steps: int, noise: Noise, threshold: float, reason) -> np.nd
     _mark(reason, ~(B > threshold), Reason.DARK)
     _mark(reason, one.clipped > CLIPPED * steps, Reason.SATURATED)
     _mark(reason, scattered, Reason.SCATTERED)
+    return phase_noise(one, steps, noise)
+
+
+def phase_noise(one: Fit, steps: int, noise: Noise) -> np.ndarray:
+    """Standard deviation of a wrapped phase, (H, W), radians, by noise and modulation (ch. 3)."""
     with np.errstate(divide="ignore"):  # a pixel of one grey level in all photographs
-        return np.sqrt(2 / steps * variance) / B
+        return np.sqrt(2 / steps * noise.variance(one.average)) / one.modulation
 
 
 def _mark_unsteady(B, other, sigma, reason) -> None:

@@ -58,7 +58,17 @@ class Fringes:
         Literal["column", "row", "both"] | None,
         option("Fringes along columns (vertical, default), rows, or both, as calibration needs."),
     ] = None
-    unwrap: Annotated[str | None, option("mf (default), mw, nt or minimum.")] = None
+    unwrap: Annotated[str | None, option("mf (default), mw, nt, minimum or gray.")] = None
+    code: Annotated[
+        Literal["complementary", "plain", "shifted", "alone"] | None,
+        option(
+            "Gray code of the longest pitch, after the fringes: two cells a period (default), one, "
+            "one shifted by half a period; or no fringes at all, and cells of one pixel."
+        ),
+    ] = None
+    inverse: Annotated[
+        bool | None, option("After each picture of a Gray code its negative.", negative=())
+    ] = None
     shift: Annotated[Literal[1, -1] | None, option("Sign of the phase shift (default 1).")] = None
     start: Annotated[
         list[str] | None,
@@ -76,7 +86,11 @@ class Fringes:
         unwrap = self.unwrap or "mf"
         if self.pitches and self.periods:
             raise ValueError("--pitches and --periods given; one of them says what was projected")
-        if not (self.pitches or self.periods) and unwrap not in ("mf", "minimum"):
+        if unwrap != "gray" and (beside := [n for n in ("code", "inverse") if getattr(self, n)]):
+            raise ValueError(f"--{beside[0]} with unwrap {unwrap!r} given; it is of gray")
+        if self.code == "alone" and (self.pitches or self.periods):
+            raise ValueError("--code alone with pitches given; it has no fringes")
+        if not (self.pitches or self.periods) and unwrap not in ("mf", "minimum", "gray"):
             raise ValueError(f"unwrap {unwrap!r} without --pitches given; name them")
         projector = projector or self._usual(unwrap)
         axes = ("column", "row") if self.axis == "both" else (self.axis or "column",)
@@ -84,7 +98,10 @@ class Fringes:
         fringes = ()
         for axis in axes:
             pitches = self._pitches(projector, axis)
-            fringes += self.begun(optics.fringe_set(pitches, steps, axis=axis))
+            if self.code != "alone":
+                fringes += self.begun(optics.fringe_set(pitches, steps, axis=axis))
+            if unwrap == "gray":
+                fringes += (self._code(max(pitches), projector[axis == "row"], axis),)
         patterns = capture.Patterns(projector, fringes, unwrap, self.shift or 1, **names)
         for axis in () if unwrap == "minimum" else axes:  # whose pitches the system decides on
             try:
@@ -113,6 +130,8 @@ class Fringes:
 
         if self.periods:
             raise ValueError("--periods without --projector given; they are parts of its width")
+        if self.pitches and unwrap == "gray":
+            raise ValueError("--pitches of a Gray code without --projector given; give its size")
         if self.pitches and unwrap != "minimum":
             span = reach(unwrap, self.pitches)
             if span > 1.01 * USUAL[0] and span != USUAL[1]:
@@ -124,11 +143,21 @@ class Fringes:
         return USUAL
 
     def _pitches(self, projector: tuple[int, int], axis: str) -> list[float]:
-        longer, side = max(projector), projector[0 if axis == "column" else 1]
-        pitches = self.pitches or [longer, longer / 8, longer / 48]
+        longer, side = max(projector), projector[axis == "row"]
+        usual = [longer / 48] if self.unwrap == "gray" else [longer, longer / 8, longer / 48]
+        pitches = self.pitches or usual
         if self.periods:
             pitches = [side / positive("periods", n, "the projector's width") for n in self.periods]
         return [int(p) if float(p).is_integer() else p for p in pitches]
+
+    def _code(self, pitch: float, side: int, axis: str):
+        """Gray code of a pitch along an axis of a projector with so many pixels."""
+        from fpputil.optics.graycode import GrayCode, gray_code
+
+        if self.code == "alone":
+            bits = max(1, (side - 1).bit_length())
+            return GrayCode(1, bits, axis, inverse=bool(self.inverse))
+        return gray_code(pitch, side, self.code or "complementary", axis, bool(self.inverse))
 
 
 FRINGES = Fringes()

@@ -23,12 +23,13 @@ class Cells(NamedTuple):
     """What a Gray code says of each pixel, (H, W) arrays.
 
     `index` of the cell; `edge`, the index of the cell that begins at the edge on which the pixel
-    lies, -1 if it lies on none; `clear`, False where a bit is in doubt that no edge explains.
+    lies, -1 if it lies on none; `reach`, the number of cells by which bits in doubt, but for that
+    of the edge, may have misled the index.
     """
 
     index: np.ndarray
     edge: np.ndarray
-    clear: np.ndarray
+    reach: np.ndarray
 
 
 def gray_index(bits) -> np.ndarray:
@@ -68,21 +69,21 @@ def read_cells(signed: np.ndarray, contrast, noise=0.0) -> Cells:
     margin = np.abs(signed)
     weakest = margin.argmin(axis=0)
     least = margin.min(axis=0)
-    doubt = least < np.maximum(DOUBT * contrast, SURE * noise)
-    other = index ^ ((2 << (len(signed) - 1 - weakest)) - 1)  # with that bit turned
-    on_edge = doubt & (np.abs(other - index) == 1)
-    np.put_along_axis(margin, weakest[None], np.inf, axis=0)
+    turned = [index ^ ((2 << k) - 1) for k in range(len(signed) - 1, -1, -1)]  # one bit each
+    other = np.take_along_axis(np.stack(turned), weakest[None], axis=0)[0]
+    on_edge = (np.abs(other - index) == 1) & (least < DOUBT * contrast)
+    on_edge &= (1 - DOUBT) * contrast > SURE * noise  # or noise alone would do
+    np.put_along_axis(margin, weakest[None], np.where(on_edge, np.inf, least)[None], axis=0)
     faint = np.maximum(FAINT * contrast, SURE * noise)
-    guess = (least < faint) & ~on_edge | (margin.min(axis=0) < faint)
-    edge = np.where(on_edge, np.maximum(index, other), -1)
-    return Cells(index, edge, ~guess)
+    reach = sum((m < faint) * np.abs(t - index) for m, t in zip(margin, turned, strict=True))
+    return Cells(index, np.where(on_edge, np.maximum(index, other), -1), reach)
 
 
 def cell_column(cells: Cells, code: GrayCode) -> np.ndarray:
     """Projector column (or row) of the middle of each pixel's cell, (H, W), pixels.
 
-    >>> cells = Cells(np.array([[0, 1]]), np.array([[-1, -1]]), np.array([[True, True]]))
-    >>> cell_column(cells, GrayCode(cell=2, bits=2)).tolist()
+    >>> bits = 100.0 * np.array([[-1, -1], [-1, 1]])[:, None]
+    >>> cell_column(read_cells(bits, 100.0), GrayCode(cell=2, bits=2)).tolist()
     [[0.5, 2.5]]
     """
     return (code.edge(cells.index) + code.edge(cells.index + 1)) / 2
@@ -131,5 +132,9 @@ def gray_order(phi, cells: Cells, code: GrayCode, pitch: float, sigma=0.0):
     near = np.abs(off) > NEAR
     on_edge = near & (cells.edge >= 0)
     K = np.where(on_edge, np.round(code.edge(cells.edge) / pitch - turns), K)
-    sure = cells.clear & (~near | on_edge | ((0.5 - np.abs(off)) * TWO_PI > SURE * sigma))
+    clear = cells.reach <= (1 if code.cell <= pitch / 2 * (1 + 1e-9) else 0)
+    # A period farther on the column must lie outside the cell, which may be the longer by a pixel.
+    half = (code.edge(cells.index + 1) - code.edge(cells.index)) / (2 * pitch)
+    room = np.minimum(0.5, 1 - half) - np.abs(off)
+    sure = clear & (~near | on_edge | (room * TWO_PI > SURE * sigma))
     return K, sure, off
