@@ -97,6 +97,13 @@ FINDINGS = {
         "darken the room, focus the projector and the camera on the object, or project a longer "
         "pitch",
     ),
+    "relative": (
+        "the phase was unwrapped from pixel to pixel: it is known but for a multiple of 2 pi, "
+        "another one in each of {parts} connected part(s), and wrong beyond a step that turns it "
+        "by more than pi",
+        "take it as a relief of one smooth surface, or its difference to a plane (--reference); "
+        "columns, depth and points need a second pitch or a Gray code",
+    ),
     "noise": (
         "so few steps do not tell the noise, nor whether the response is linear; the uncertainty "
         "counts the rounding of grey levels alone",
@@ -176,7 +183,7 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_repeated, _frequencies, _code, _offset, _clipping, _response, _light)
+    checks = (_relative, _repeated, _frequencies, _code, _offset, _clipping, _response, _light)
     findings = [finding for check in checks for finding in check(measurement, capture)]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
@@ -196,6 +203,12 @@ def _fringe(m: Measurement, k: int) -> str:
 def _share(m: Measurement, reason: Reason) -> float:
     """Of the lit pixels the share that is left out for a reason."""
     return float((m.reason == reason).sum() / max(m.lit.sum(), 1))
+
+
+def _relative(m, capture) -> Iterator[Finding]:
+    """What spatial unwrapping leaves open."""
+    if m.unwrapped_in_space:
+        yield _finding("relative", parts=cv2.connectedComponents(m.mask.astype(np.uint8))[0] - 1)
 
 
 def _repeated(m, capture) -> Iterator[Finding]:
@@ -221,7 +234,8 @@ def _frequencies(m, capture) -> Iterator[Finding]:
     clear = np.abs(frequencies) > 1e-3
     if clear.any() and np.median(np.sign(frequencies[clear])) <= 0:  # they fall, and should grow
         way = "from right to left" if m.axis == "column" else "upwards"
-        yield _finding("direction", axis=m.axis, way=way, shift=-capture.patterns.shift)
+        severe = not m.unwrapped_in_space  # which turns a relief inside out, no more
+        yield _finding("direction", severe, axis=m.axis, way=way, shift=-capture.patterns.shift)
 
 
 def _pitches(m, frequencies) -> Iterator[Finding]:

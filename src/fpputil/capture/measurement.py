@@ -62,6 +62,8 @@ class Measurement:
         Of each fringe the grey levels of a grid of pixels, of 255, as photographed.
     reading : Reading or None
         Of a Gray code; without fringes `fringes` are the code itself.
+    unwrapped_in_space : bool
+        Whether `Phi` is known but for a multiple of 2 pi, another one in each connected part.
     """
 
     axis: str
@@ -78,6 +80,7 @@ class Measurement:
     gamma: float
     sample: list[np.ndarray]
     reading: Reading | None = None
+    unwrapped_in_space: bool = False
 
     @property
     def finest(self) -> int:
@@ -119,7 +122,9 @@ class Measurement:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What there is to store, by name: float32 with NaN outside the mask; mask and reason."""
-        phases = {name: getattr(self, name) for name in ("wrapped", "Phi", "sigma", "coordinate")}
+        names = ("wrapped", "Phi", "sigma", "coordinate")
+        names = names[:-1] if self.unwrapped_in_space else names
+        phases = {name: getattr(self, name) for name in names}
         named = {k: np.where(self.mask, v, np.nan).astype("f4") for k, v in phases.items()}
         named |= {"modulation": self.modulation, "mask": self.mask, "reason": self.reason}
         return {f"{self.axis}_{name}": value for name, value in named.items()}
@@ -212,8 +217,10 @@ def measure(
         Phis, sure = unwrap_by_code(
             phis, fringes, reading, phase_noise(fits[0], fringes[0].steps, variance)
         )
+    spatial = patterns.unwrap == "spatial"
+    width = np.inf if spatial else patterns.width(axis)  # of a phase that is no column yet
     reason, sigmas, offsets, sharpness = judge(
-        fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)
+        fits, fringes, Phis, variance, threshold, patterns.unwrap, width
     )
     if reading is not None:
         mean = code_offset(reading, phis[0], fringes[0], reason == Reason.GOOD)
@@ -221,6 +228,8 @@ def measure(
         sharpness = np.append(np.abs(mean), sharpness)
         reason[(reason == Reason.GOOD) & ~sure] = Reason.UNSURE
     finest, good = int(np.argmin([f.pitch for f in fringes])), reason == Reason.GOOD
+    if spatial and good.any():
+        Phis = [unwrap.spatial(phis[0], good)]
     return Measurement(
         axis=axis,
         fringes=fringes,
@@ -236,6 +245,7 @@ def measure(
         gamma=gamma,
         sample=sample,
         reading=reading,
+        unwrapped_in_space=spatial,
     )
 
 
@@ -292,6 +302,13 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
         if pitches:
             unwrap.check_pitches(pitches, pitches)
         return None
+    if patterns.unwrap == "spatial":
+        if len(pitches) != 1:
+            raise ValueError(
+                f"{len(pitches)} pitches along the {axis}s given; spatial unwrapping takes one, "
+                "and several unwrap one another (mf, mw)"
+            )
+        return lambda phis: phis  # what is lit is known later
     if patterns.unwrap != "minimum":
         method = unwrap.TEMPORAL[patterns.unwrap]
         try:

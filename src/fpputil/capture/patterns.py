@@ -27,7 +27,7 @@ from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.graycode import GrayCode
 
 NAME = "patterns.toml"
-UNWRAP = (*TEMPORAL, "minimum", "gray")
+UNWRAP = (*TEMPORAL, "minimum", "gray", "spatial")
 ORDERS = ("fringe", "step")
 LARGEST = 2**15  # of a projector's sides: more is a slip of the hand
 FORMATS = {"axis": "s", "pitch": "g", "periods": "g", "step": "d", "number": "d"}
@@ -54,14 +54,14 @@ class Patterns:
     Parameters
     ----------
     projector : (width, height)
-        Pixels.
+        Pixels; () if it is not known, which spatial unwrapping does not mind.
     fringes : tuple of Fringe, and of GrayCode
         Those of one axis together, in the order of their photographs.
-    unwrap : {"mf", "mw", "nt", "minimum", "gray"}
+    unwrap : {"mf", "mw", "nt", "minimum", "gray", "spatial"}
         Multi-frequency (the longest pitch covers the projector), multi-wavelength (a beat covers
         it), number-theoretical (two whole pitches), minimum phase (vertical fringes, and a
         calibrated system; chapter 5), or a `GrayCode` along each axis, alone or of the longest
-        pitch.
+        pitch; or none but from pixel to pixel (one pitch, spatial).
     shift : {1, -1}
         Step n is shifted by ``start + shift 2 pi n / steps``.
     order : {"fringe", "step"}
@@ -107,6 +107,8 @@ class Patterns:
         for name, (fits, needed) in NEEDED.items():
             if not fits(value := getattr(self, name)):
                 raise ValueError(f"{name} {value!r} given; {needed}")
+        if not self.projector and self.unwrap != "spatial":
+            raise ValueError(f"projector () given; unwrap {self.unwrap!r} needs its size")
         at_most("pixels of the projector", math.prod(self.projector), "FPP_MOST_PIXELS")
         at_most("photographs", sum(f.steps for f in self.fringes), "FPP_MOST_PHOTOGRAPHS")
         coded = [f.axis for f in self.fringes if isinstance(f, GrayCode)]
@@ -154,8 +156,10 @@ class Patterns:
         codes = [(k, c) for k, c in enumerate(self.fringes) if isinstance(c, GrayCode)]
         return next(((k, code) for k, code in codes if code.axis == axis), None)
 
-    def width(self, axis: str) -> int:
-        """Projector pixels along an axis: columns or rows."""
+    def width(self, axis: str) -> float:
+        """Projector pixels along an axis, columns or rows; infinite if they are not known."""
+        if not self.projector:
+            return math.inf
         return self.projector[0 if axis == "column" else 1]
 
     def shots(self, folder_names: Sequence[str] | None = None) -> list[Shot]:
@@ -174,6 +178,8 @@ class Patterns:
 
     def picture(self, shot: Shot) -> np.ndarray:
         """What the projector shows for a photograph, (height, width) uint8."""
+        if not self.projector:
+            raise ValueError("projector () given; a picture needs its size")
         width, height = self.projector
         if shot.fringe < 0:
             return np.full((height, width), 0 if shot.step else WHITE, np.uint8)
@@ -213,6 +219,8 @@ class Patterns:
             entries = tomllib.loads(path.read_text(encoding="utf-8"))
             if unknown := sorted(set(entries) - {*KEYS, "start"}):
                 raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}, start")
+            if entries.get("unwrap") == "spatial":
+                entries.setdefault("projector", [])
             for name in ("projector", "fringes"):
                 if not isinstance(entries.get(name), list):
                     raise ValueError(
@@ -236,7 +244,7 @@ class Patterns:
         values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
         if isinstance(fringe, GrayCode):
             values |= {"pitch": "gray", "periods": "gray"}
-        elif self.projector:
+        else:
             values["periods"] = self.width(fringe.axis) / fringe.pitch
         return FIELD.sub(lambda m: _formatted(values, *m.groups()), self.files)
 
@@ -279,7 +287,7 @@ def _is_name(value) -> bool:
 
 NEEDED = {
     "projector": (
-        lambda v: len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
+        lambda v: not v or len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
         f"width and height, 1 to {LARGEST} pixels each, are needed",
     ),
     "fringes": (

@@ -48,6 +48,13 @@ def decode(
     noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
     full: Annotated[float | None, option("Saturated grey level (default 255 or 65535).")] = None,
     accept: Annotated[bool, option("Write phases all the same.")] = False,
+    reference: Annotated[
+        Path | None, option("Photographs of a plane, likewise named; its phase is taken away.")
+    ] = None,
+    relief: Annotated[
+        Literal["plane", "cubic"] | None,
+        option("A shape without --system: the phase less such a ground, as picture and mesh."),
+    ] = None,
     report: Annotated[bool, option("Write report.html.", **YES)] = True,
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
     force: Force = False,
@@ -68,6 +75,7 @@ def decode(
     rig = None if system is None else optics.load_system(system)
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
+    how |= {"reference": reference, "relief": relief}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
     decoded = capture.decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
@@ -92,7 +100,8 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
         raise ValueError("--patterns and --files given; one of them names the photographs")
     if names.files is not None:
         options = given(names)
-        return fringes.patterns(options.pop("projector", None), **options)
+        unknown = () if fringes.unwrap == "spatial" else None
+        return fringes.patterns(options.pop("projector", unknown), **options)
     if beside := given(replace(fringes, shift=None, start=None)):
         reason = "a pattern file tells it, or --files and all the others do"
         raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
@@ -118,7 +127,10 @@ def _print(decoded, system) -> None:
     if "points" in summary:
         print(f"{summary['points']} points in {decoded.out / 'points.ply'}")
     elif system is None:
-        print("no --system given: phases, but no depth and no points")
+        shape = "" if "relief" in summary else "; --relief cubic makes a picture and a mesh of them"
+        print(f"no --system given: phases, but no depth and no points{shape}")
+    for file in summary.get("relief", ()):
+        print(f"{decoded.out / file}: heights in radians, which way is up is not known")
     if not summary["decoded"]:
         print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
     print(f"{'written to' if summary['decoded'] else 'the report is in'} {decoded.out}")

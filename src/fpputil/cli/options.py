@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from fpputil import capture, optics
 from fpputil.checks import positive
+from fpputil.decoding.unwrap import TEMPORAL
 
 
 def option(text: str, **how) -> Parameter:
@@ -58,7 +59,7 @@ class Fringes:
         Literal["column", "row", "both"] | None,
         option("Fringes along columns (vertical, default), rows, or both, as calibration needs."),
     ] = None
-    unwrap: Annotated[str | None, option("mf (default), mw, nt, minimum or gray.")] = None
+    unwrap: Annotated[str | None, option("mf (default), mw, nt, minimum, gray or spatial.")] = None
     code: Annotated[
         Literal["complementary", "plain", "shifted", "alone"] | None,
         option(
@@ -80,7 +81,10 @@ class Fringes:
     ] = None
 
     def patterns(self, projector: tuple[int, int] | None, **names):
-        """`Patterns` for a projector (width, height), refused if they do not unwrap."""
+        """`Patterns` for a projector (width, height), refused if they do not unwrap.
+
+        () is one of unknown size, None the usual one.
+        """
         from fpputil.capture.measurement import unwrapper
 
         unwrap = self.unwrap or "mf"
@@ -90,9 +94,9 @@ class Fringes:
             raise ValueError(f"--{beside[0]} with unwrap {unwrap!r} given; it is of gray")
         if self.code == "alone" and (self.pitches or self.periods):
             raise ValueError("--code alone with pitches given; it has no fringes")
-        if not (self.pitches or self.periods) and unwrap not in ("mf", "minimum", "gray"):
+        if not (self.pitches or self.periods) and unwrap not in USUALLY:
             raise ValueError(f"unwrap {unwrap!r} without --pitches given; name them")
-        projector = projector or self._usual(unwrap)
+        projector = self._usual(unwrap) if projector is None else projector
         axes = ("column", "row") if self.axis == "both" else (self.axis or "column",)
         steps = self.steps if len(self.steps or ()) > 1 else (self.steps or [8])[0]
         fringes = ()
@@ -132,7 +136,7 @@ class Fringes:
             raise ValueError("--periods without --projector given; they are parts of its width")
         if self.pitches and unwrap == "gray":
             raise ValueError("--pitches of a Gray code without --projector given; give its size")
-        if self.pitches and unwrap != "minimum":
+        if self.pitches and unwrap in TEMPORAL:
             span = reach(unwrap, self.pitches)
             if span > 1.01 * USUAL[0] and span != USUAL[1]:
                 raise ValueError(
@@ -143,10 +147,13 @@ class Fringes:
         return USUAL
 
     def _pitches(self, projector: tuple[int, int], axis: str) -> list[float]:
-        longer, side = max(projector), projector[axis == "row"]
-        usual = [longer / 48] if self.unwrap == "gray" else [longer, longer / 8, longer / 48]
-        pitches = self.pitches or usual
+        longer = max(projector, default=48)  # of a size unknown, pitch 1 counts the periods
+        one = self.unwrap in ("gray", "spatial")
+        pitches = self.pitches or ([longer / 48] if one else [longer, longer / 8, longer / 48])
         if self.periods:
+            if not projector:
+                raise ValueError("--periods without --projector given; they are parts of its width")
+            side = projector[axis == "row"]
             pitches = [side / positive("periods", n, "the projector's width") for n in self.periods]
         return [int(p) if float(p).is_integer() else p for p in pitches]
 
@@ -162,6 +169,7 @@ class Fringes:
 
 FRINGES = Fringes()
 USUAL = (912, 1140)  # pixels of the book's projector
+USUALLY = ("mf", "minimum", "gray", "spatial")  # unwrappings that have usual pitches
 
 
 @Parameter(name="*", group="Processes")
