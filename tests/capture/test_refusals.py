@@ -90,7 +90,7 @@ REFUSALS = {
         lambda path: measured(path, (304, 24), "minimum", how=SMALL),
         "the photographs have 160 x 120",
     ),
-    "order of pitches": (lambda path: measured(path, (24, 912)), "they must descend strictly"),
+    "a pitch twice": (lambda path: measured(path, (912, 912)), "would be several photographs"),
     "first pitch": (lambda path: measured(path, (114, 24)), "must cover the whole projector"),
     "beats": (lambda path: measured(path, (14, 15), "mw"), "of their beats"),
     "depth of rows": (of_rows, "fringes along rows given"),

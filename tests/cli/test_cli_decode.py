@@ -166,7 +166,7 @@ def test_photographs_without_a_pattern_file(loop, tmp_path, capsys):
         (["decode", ".", "--gamma", "0"], "gamma 0.0 given"),
         (["decode", ".", "--patterns", "a", "--files", "b"], "--patterns and --files given"),
         (["decode", ".", "--system", "huge"], "preset 'huge' given"),
-        (["patterns", "p", "--pitches", "24", "912"], "they must descend strictly"),
+        (["patterns", "p", "--pitches", "912", "912"], "they must descend strictly"),
         (["patterns", "p", "--pitches", "114", "24"], "must cover the whole projector"),
         (["patterns", "p", "--unwrap", "nt"], "without --pitches given"),
         (["patterns", "p", "--steps", "2"], "2 steps given"),

@@ -12,11 +12,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from fpputil.capture.coding import code_fault
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.measurement import Measurement
+from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Reason
-from fpputil.decoding import phase
+from fpputil.capture.quality import Reason, start_offsets
+from fpputil.decoding import phase, unwrap
 
 FINDINGS = {
     "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
@@ -39,14 +41,32 @@ FINDINGS = {
         "give shift {shift}: the steps go the other way; if they do not, the projector or the "
         "camera is mirrored or upside down: set it right, or use --accept",
     ),
+    "bits": (
+        "the pictures of bits {bits} of the Gray code along the {axis}s are exchanged (0 is the "
+        "first)",
+        "exchange their names",
+    ),
+    "inverted": (
+        "black and white are exchanged in {bits} of the Gray code's pictures along the {axis}s (0 "
+        "is the first)",
+        "photograph the pictures of `fpp patterns`, or invert the photographs",
+    ),
+    "backwards": (
+        "the bits of the Gray code along the {axis}s come with the least significant one first",
+        "name them in the other order",
+    ),
+    "binary": (
+        "the code along the {axis}s looks like plain binary numbers, not like a Gray code",
+        "project a Gray code: of binary numbers several bits change at one edge",
+    ),
     "offset": (
         "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
-        "check that both begin with step 0 and have the steps that were projected",
+        "{likely}check that both begin with step 0 and have the steps that were projected",
     ),
     "disagree": (
         "the phases of {pair} do not belong together",
-        "check pitches, their order, the direction of the shift and the unwrapping; or the noise "
-        "is far too high for these pitches",
+        "check the pitches (pixels, or are these periods?), the direction of the shift and the "
+        "unwrapping; or the noise is far too high for these pitches",
     ),
     "saturated": (
         "the camera is saturated at {share:.0%} of the lit pixels",
@@ -64,7 +84,8 @@ FINDINGS = {
     ),
     "orders": (
         "the order is a guess at {share:.0%} of the lit pixels",
-        "take more steps at the long pitches, or a pitch between two that are far apart",
+        "take more steps at the long pitches, a pitch between two that are far apart, or a "
+        "complementary Gray code",
     ),
     "dark": (
         "{lit:.1%} of the pixels are lit, with a median modulation of {level:.0f} grey levels",
@@ -76,6 +97,13 @@ FINDINGS = {
         "darken the room, focus the projector and the camera on the object, or project a longer "
         "pitch",
     ),
+    "relative": (
+        "the phase was unwrapped from pixel to pixel: it is known but for a multiple of 2 pi, "
+        "another one in each of {parts} connected part(s), and wrong beyond a step that turns it "
+        "by more than pi",
+        "take it as a relief of one smooth surface, or its difference to a plane (--reference); "
+        "columns, depth and points need a second pitch or a Gray code",
+    ),
     "noise": (
         "so few steps do not tell the noise, nor whether the response is linear; the uncertainty "
         "counts the rounding of grey levels alone",
@@ -84,13 +112,27 @@ FINDINGS = {
 }
 """Of each finding by its code what is the matter, and what to do about it."""
 
-SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
+SEVERE = (
+    "exchanged",
+    "frame",
+    "swapped",
+    "pitch",
+    "direction",
+    "offset",
+    "disagree",
+    "clipped",
+    "bits",
+    "inverted",
+    "backwards",
+    "binary",
+)
 """Findings with which the phases are wrong; with the others they are noisier or fewer."""
 
 ORDER = ("offset", "disagree", "orders")
 FOLLOW = {
     **dict.fromkeys(("frame", "exchanged"), (*ORDER, "response")),
     **dict.fromkeys(("swapped", "pitch", "direction"), ORDER),
+    **dict.fromkeys(("bits", "inverted", "backwards", "binary"), (*ORDER, "direction")),
     "offset": ("orders",),
     **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
     "clipped": ("response",),
@@ -101,7 +143,8 @@ SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the s
 HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
 PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
-OFFSET = 0.15  # of an order step
+OFFSET = 0.15  # of an order
+FITS = 0.05  # of an order, by which a start may miss the offsets that it explains
 SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
 ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
 STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
@@ -140,7 +183,7 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_repeated, _frequencies, _offset, _clipping, _response, _light)
+    checks = (_relative, _repeated, _frequencies, _code, _offset, _clipping, _response, _light)
     findings = [finding for check in checks for finding in check(measurement, capture)]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
@@ -160,6 +203,12 @@ def _fringe(m: Measurement, k: int) -> str:
 def _share(m: Measurement, reason: Reason) -> float:
     """Of the lit pixels the share that is left out for a reason."""
     return float((m.reason == reason).sum() / max(m.lit.sum(), 1))
+
+
+def _relative(m, capture) -> Iterator[Finding]:
+    """What spatial unwrapping leaves open."""
+    if m.unwrapped_in_space:
+        yield _finding("relative", parts=cv2.connectedComponents(m.mask.astype(np.uint8))[0] - 1)
 
 
 def _repeated(m, capture) -> Iterator[Finding]:
@@ -185,7 +234,8 @@ def _frequencies(m, capture) -> Iterator[Finding]:
     clear = np.abs(frequencies) > 1e-3
     if clear.any() and np.median(np.sign(frequencies[clear])) <= 0:  # they fall, and should grow
         way = "from right to left" if m.axis == "column" else "upwards"
-        yield _finding("direction", axis=m.axis, way=way, shift=-capture.patterns.shift)
+        severe = not m.unwrapped_in_space  # which turns a relief inside out, no more
+        yield _finding("direction", severe, axis=m.axis, way=way, shift=-capture.patterns.shift)
 
 
 def _pitches(m, frequencies) -> Iterator[Finding]:
@@ -228,14 +278,48 @@ def local_frequencies(m: Measurement) -> np.ndarray:
     return np.array(medians)
 
 
+def _code(m, capture) -> Iterator[Finding]:
+    """Bits of a Gray code that would make a smooth column if they were read otherwise."""
+    if m.reading is None:
+        return
+    phi = m.wrapped[0] if m.sample else None
+    if phi is not None and m.sharpness[0] > SURE:  # the fringes may begin otherwise
+        phi = unwrap.wrap(phi - np.float32(unwrap.TWO_PI * m.offsets[0]))
+    fault = code_fault(m.reading, phi, m.fringes[0].pitch, m.axis, m.lit)
+    if fault is not None:
+        yield _finding(fault[0], bits=fault[1], axis=m.axis)
+
+
 def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
+    start = likely_start(m, capture.patterns)
+    likely = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
+    names = ["the Gray code"] * (m.reading is not None) + [f"pitch {f.pitch:g}" for f in m.fringes]
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
-        pair = f"{_fringe(m, k)} and pitch {m.fringes[k + 1].pitch:g}"
+        pair = f"{names[k]} and {names[k + 1]} along the {m.axis}s"
         if sharpness > SURE and abs(offset) > OFFSET:
-            yield _finding("offset", pair=pair, offset=offset)
+            yield _finding("offset", pair=pair, offset=offset, likely=likely)
         elif sharpness < SURE / 2 and m.lit.any():
             yield _finding("disagree", pair=pair)
+
+
+def likely_start(m: Measurement, patterns: Patterns) -> str:
+    """Name or degrees of the start of all fringes that explains the offsets, "" if none does."""
+    clear = m.sharpness > SURE
+    if not clear.any() or any(f.start for f in m.fringes):
+        return ""
+    pitches, width = [f.pitch for f in m.fringes], patterns.width(m.axis)
+
+    def miss(degrees):
+        offsets = start_offsets(pitches, patterns.unwrap, width, degrees / 360)
+        return np.abs((m.offsets - offsets + 0.5) % 1 - 0.5)[clear].max()
+
+    named = [*STARTS.items(), *((str(d), d) for d in (90, 120, -120))]
+    if names := [name for name, degrees in named if miss(degrees) < FITS]:
+        return " or ".join(names)
+    degrees = [d for d in range(-179, 181) if miss(d) < FITS]
+    alone = degrees and max(degrees) - min(degrees) < 36  # and not one of several
+    return str(min(degrees, key=miss)) if alone else ""
 
 
 def _clipping(m, capture) -> Iterator[Finding]:
@@ -277,7 +361,7 @@ def _light(m, capture) -> Iterator[Finding]:
     contrast = np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]) if lit > 0 else 1.0
     if contrast < 0.3:
         yield _finding("contrast", contrast=contrast)
-    if not m.noise.known:
+    if m.sample and not m.noise.known:
         yield _finding("noise")
 
 

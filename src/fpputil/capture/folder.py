@@ -17,6 +17,13 @@ from fpputil.capture.diagnosis import Finding, diagnose
 from fpputil.capture.measurement import Measurement, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
+from fpputil.capture.relief import (
+    DEGREES,
+    largest_part,
+    phase_difference,
+    remove_ground,
+    save_relief,
+)
 from fpputil.decoding.triangulation import depth_of
 from fpputil.files import folder_whole
 from fpputil.optics.system import System
@@ -52,6 +59,8 @@ def decode_folder(
     patterns: Patterns | None = None,
     full: float | None = None,
     accept: bool = False,
+    reference: str | Path | None = None,
+    relief: str | None = None,
     report: bool = True,
     pictures: bool = True,
     force: bool = False,
@@ -72,6 +81,11 @@ def decode_folder(
         For points and depths, and the minimum phase.
     patterns, full, **how
         As of `open_capture`; threshold, gamma and noise as of `measure`.
+    reference : path, optional
+        Photographs of a plane under the same patterns; the difference of the phases is written.
+    relief : {"plane", "cubic"}, optional
+        Write the phase (or that difference) less a plane or a cubic ground, as a picture and a
+        mesh: a shape without a calibration, in radians.
     accept, report, pictures, force, progress : bool
         Write phases although they are wrong; write ``report.html``; write TIFF files; take the
         place of an earlier decoding; show a bar in a terminal.
@@ -99,7 +113,17 @@ def decode_folder(
     """
     start, folder = time.perf_counter(), Path(folder)
     capture = open_capture(folder, patterns, full)
+    plane = None if reference is None else open_capture(reference, capture.patterns, full)
+    if plane is not None and plane.size != capture.size:
+        raise ValueError(
+            f"{reference} has photographs of {plane.size[1]} x {plane.size[0]}, {folder} of "
+            f"{capture.size[1]} x {capture.size[0]}; the camera must stay the same"
+        )
+    if relief not in (None, *DEGREES):
+        raise ValueError(f"relief {relief!r} given; one of {', '.join(DEGREES)} is needed")
     if system is not None:
+        if capture.patterns.unwrap == "spatial":
+            raise ValueError("a system given; a phase that is unwrapped in space gives no points")
         check_size(system, capture.size)
     folder = folder if folder.name else folder.absolute()  # "." has no name
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
@@ -119,6 +143,17 @@ def decode_folder(
         }
         if decoded:
             arrays = {k: v for one in measurements for k, v in one.arrays().items()}
+            shapes = {one.axis: one.Phi for one in measurements}
+            if plane is not None:
+                del how["each"]
+                for one in measurements:
+                    difference = phase_difference(one, measure(plane, one.axis, **how))
+                    shapes[one.axis] = arrays[f"{one.axis}_difference"] = difference
+            for axis, shape in shapes.items() if relief else ():
+                shape = remove_ground(largest_part(shape), DEGREES[relief]).astype(np.float32)
+                arrays[f"{axis}_relief"] = shape
+                save_relief(partial, f"{axis}_relief", shape)
+                summary.setdefault("relief", []).append(f"{axis}_relief.ply")
             vertical = next((one for one in measurements if one.axis == "column"), None)
             if system is not None and vertical is not None:
                 points = vertical.points(system)
@@ -172,6 +207,8 @@ def board_pose(
             f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
             "columns and rows (`fpp patterns --axis both`)"
         )
+    if capture.patterns.unwrap == "spatial":
+        raise ValueError(f"{folder} is unwrapped in space; a calibration needs absolute columns")
     across, down = (measure(capture, axis) for axis in ("column", "row"))
     if severe := [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]:
         raise ValueError(f"{folder}: {'; '.join(severe)}")

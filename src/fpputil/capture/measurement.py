@@ -12,18 +12,28 @@ from itertools import pairwise
 
 import numpy as np
 
+from fpputil.capture.coding import (
+    Reading,
+    check_code,
+    code_offset,
+    read_code,
+    unwrap_by_code,
+)
 from fpputil.capture.gamma import LEAST_STEPS, estimate_gamma, linearise
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Fit, Noise, Reason, fit, judge, noise_of
+from fpputil.capture.quality import Fit, Noise, Reason, fit, judge, noise_of, phase_noise
+from fpputil.capture.suggestion import suggestion
 from fpputil.checks import not_negative
 from fpputil.decoding import phase, unwrap
 from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
+from fpputil.decoding.gray import cell_column
 from fpputil.decoding.triangulation import points_of
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
 SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
+MISLED = 4  # cells of a Gray code without fringes, by which bits in doubt may mislead it
 LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 
 
@@ -50,6 +60,10 @@ class Measurement:
         Exponent of the response that was taken back.
     sample : list of (steps, S) arrays
         Of each fringe the grey levels of a grid of pixels, of 255, as photographed.
+    reading : Reading or None
+        Of a Gray code; without fringes `fringes` are the code itself.
+    unwrapped_in_space : bool
+        Whether `Phi` is known but for a multiple of 2 pi, another one in each connected part.
     """
 
     axis: str
@@ -65,6 +79,8 @@ class Measurement:
     noise: Noise
     gamma: float
     sample: list[np.ndarray]
+    reading: Reading | None = None
+    unwrapped_in_space: bool = False
 
     @property
     def finest(self) -> int:
@@ -106,7 +122,9 @@ class Measurement:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What there is to store, by name: float32 with NaN outside the mask; mask and reason."""
-        phases = {name: getattr(self, name) for name in ("wrapped", "Phi", "sigma", "coordinate")}
+        names = ("wrapped", "Phi", "sigma", "coordinate")
+        names = names[:-1] if self.unwrapped_in_space else names
+        phases = {name: getattr(self, name) for name in names}
         named = {k: np.where(self.mask, v, np.nan).astype("f4") for k, v in phases.items()}
         named |= {"modulation": self.modulation, "mask": self.mask, "reason": self.reason}
         return {f"{self.axis}_{name}": value for name, value in named.items()}
@@ -184,16 +202,34 @@ def measure(
     except ValueError as error:
         raise ValueError(f"{capture.folder}: {error}") from error
     fringes = tuple(patterns.along(axis).values())
+    if not fringes:
+        return _code_alone(capture, axis, threshold, gamma, noise, each)
     fits, sample, gamma = _read(capture, axis, gamma, each)
     if noise is None:
         variance = noise_of([linearise(frames, gamma) for frames in sample], threshold)
     else:
         variance = Noise(not_negative("noise", noise, "grey levels") ** 2, 0.0, True)
-    Phis = unwrapped([one.wrapped for one in fits])
+    reading, phis = None, [one.wrapped for one in fits]
+    if patterns.code(axis) is None:
+        Phis = unwrapped(phis)
+    else:
+        reading = read_code(capture, axis, variance, gamma, fits[0])
+        Phis, sure = unwrap_by_code(
+            phis, fringes, reading, phase_noise(fits[0], fringes[0].steps, variance)
+        )
+    spatial = patterns.unwrap == "spatial"
+    width = np.inf if spatial else patterns.width(axis)  # of a phase that is no column yet
     reason, sigmas, offsets, sharpness = judge(
-        fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)
+        fits, fringes, Phis, variance, threshold, patterns.unwrap, width
     )
+    if reading is not None:
+        mean = code_offset(reading, phis[0], fringes[0], reason == Reason.GOOD)
+        offsets = np.append(np.angle(mean) / unwrap.TWO_PI, offsets)
+        sharpness = np.append(np.abs(mean), sharpness)
+        reason[(reason == Reason.GOOD) & ~sure] = Reason.UNSURE
     finest, good = int(np.argmin([f.pitch for f in fringes])), reason == Reason.GOOD
+    if spatial and good.any():
+        Phis = [unwrap.spatial(phis[0], good)]
     return Measurement(
         axis=axis,
         fringes=fringes,
@@ -208,19 +244,78 @@ def measure(
         noise=variance,
         gamma=gamma,
         sample=sample,
+        reading=reading,
+        unwrapped_in_space=spatial,
     )
 
 
-def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable:
+def _code_alone(capture: Capture, axis: str, threshold, gamma, noise, each) -> Measurement:
+    """What a Gray code along an axis tells without fringes: the cell of each pixel, no more."""
+    number, code = capture.patterns.code(axis)
+    variance = Noise(
+        0.0 if noise is None else not_negative("noise", noise, "grey levels") ** 2, 0.0, True
+    )
+    reading = read_code(capture, axis, variance, gamma or 1.0)
+    if each is not None:
+        each(code.steps)
+    on_edge = reading.cells.edge >= 0
+    column = np.where(on_edge, code.edge(reading.cells.edge), cell_column(reading.cells, code))
+    Phi = (column * (unwrap.TWO_PI / code.pitch)).astype(np.float32)
+    reason = np.zeros(capture.size, np.uint8)
+    width = capture.patterns.width(axis)
+    for fault, why in (
+        (~(reading.contrast > threshold), Reason.DARK),
+        (reading.cells.reach > MISLED, Reason.UNSURE),
+        (np.abs(column - (width - 1) / 2) > width / 2, Reason.OUTSIDE),
+    ):
+        reason[fault & (reason == Reason.GOOD)] = why
+    good = reason == Reason.GOOD
+    cells = 1 + 2 * reading.cells.reach  # in which the pixel may lie, evenly
+    sigma = (unwrap.TWO_PI / code.pitch * code.cell / 12**0.5 * cells).astype(np.float32)
+    return Measurement(
+        axis=axis,
+        fringes=(code,),
+        wrapped=unwrap.wrap(Phi)[None],
+        modulation=reading.contrast[None].astype(np.float32),
+        average=reading.average.astype(np.float32),
+        Phi=np.where(good, Phi, np.nan),
+        sigma=np.where(good, sigma, np.float32(np.nan)),
+        reason=reason,
+        offsets=np.empty(0),
+        sharpness=np.empty(0),
+        noise=variance,
+        gamma=gamma or 1.0,
+        sample=[],
+        reading=reading,
+    )
+
+
+def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable | None:
     """Function from P wrapped phases (H, W) to absolute ones, checked before any phase is there.
 
-    ValueError if there is no fringe along the axis, the pitches do not suit the unwrapping, or it
-    needs a system that is not given.
+    None of a Gray code, which has photographs of its own. ValueError if there is no fringe along
+    the axis, the pitches do not suit the unwrapping, or it needs a system that is not given.
     """
     pitches, width = [f.pitch for f in patterns.along(axis).values()], patterns.width(axis)
+    if patterns.unwrap == "gray":
+        check_code(patterns.code(axis)[1], pitches, width)
+        if pitches:
+            unwrap.check_pitches(pitches, pitches)
+        return None
+    if patterns.unwrap == "spatial":
+        if len(pitches) != 1:
+            raise ValueError(
+                f"{len(pitches)} pitches along the {axis}s given; spatial unwrapping takes one, "
+                "and several unwrap one another (mf, mw)"
+            )
+        return lambda phis: phis  # what is lit is known later
     if patterns.unwrap != "minimum":
         method = unwrap.TEMPORAL[patterns.unwrap]
-        method(list(np.zeros((len(pitches), 1, 1))), pitches, width)  # tells of unsuitable pitches
+        try:
+            method(list(np.zeros((len(pitches), 1, 1))), pitches, width)
+        except ValueError as error:
+            other = suggestion(patterns.unwrap, pitches, width)
+            raise ValueError(f"{error}{other}") from error
         return lambda phis: method(phis, pitches, width)
     if system is None or axis != "column":
         lack = "no system" if system is None else "fringes along rows"

@@ -7,32 +7,36 @@ go into a folder under the same names, and the same file tells how to decode the
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from math import prod
 from numbers import Integral
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from fpputil.checks import at_most
+from fpputil.checks import at_most, finite, positive
 from fpputil.decoding.unwrap import TEMPORAL
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE, Fringe
+from fpputil.optics.graycode import GrayCode
 
 NAME = "patterns.toml"
-UNWRAP = (*TEMPORAL, "minimum")
+UNWRAP = (*TEMPORAL, "minimum", "gray", "spatial")
 ORDERS = ("fringe", "step")
 LARGEST = 2**15  # of a projector's sides: more is a slip of the hand
-FORMATS = {"axis": "s", "pitch": "g", "step": "d", "number": "d"}
-FIELD = re.compile(r"\{(axis|pitch|step|number)(?::(0?[1-9]))?\}")
+FORMATS = {"axis": "s", "pitch": "g", "periods": "g", "step": "d", "number": "d"}
+FIELD = re.compile(r"\{(axis|pitch|periods|step|number)(?::(0?[1-9]))?\}")
 KEYS = ("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "fringes")
-FRINGE = ("axis", "pitch", "steps")
+SAVED = ("axis", "pitch", "steps")
+CODE = ("axis", "cell", "bits", "shift", "inverse")
+FRINGE = ("axis", "pitch", "periods", "steps", "start")
+STARTS = {"cosine": 0.0, "sine": -90.0, "black": 180.0}  # degrees, of the first step at column 0
 
 
 class Shot(NamedTuple):
@@ -50,22 +54,24 @@ class Patterns:
     Parameters
     ----------
     projector : (width, height)
-        Pixels.
-    fringes : tuple of Fringe
-        Those of one axis together, in the order in which unwrapping takes them.
-    unwrap : {"mf", "mw", "nt", "minimum"}
-        Multi-frequency (pitches descending, the first covers the projector), multi-wavelength
-        (ascending, their last beat covers it), number-theoretical (two whole pitches), or
-        minimum phase (descending, vertical fringes, and a calibrated system; chapter 5).
+        Pixels; () if it is not known, which spatial unwrapping does not mind.
+    fringes : tuple of Fringe, and of GrayCode
+        Those of one axis together, in the order of their photographs.
+    unwrap : {"mf", "mw", "nt", "minimum", "gray", "spatial"}
+        Multi-frequency (the longest pitch covers the projector), multi-wavelength (a beat covers
+        it), number-theoretical (two whole pitches), minimum phase (vertical fringes, and a
+        calibrated system; chapter 5), or a `GrayCode` along each axis, alone or of the longest
+        pitch; or none but from pixel to pixel (one pitch, spatial).
     shift : {1, -1}
-        Step n is shifted by ``shift 2 pi n / steps``.
+        Step n is shifted by ``start + shift 2 pi n / steps``.
     order : {"fringe", "step"}
         Order in time: all steps of a fringe after one another, or each step of all fringes.
     files : str
         Names of the photographs with ``{axis}``, ``{pitch}``, ``{step}`` and ``{number}``, which
         counts all photographs from 0 in the order of time, and ``{step:02}`` for two digits at
-        least; or with ``*``: these files, in natural order, are the order in time, first white
-        and black if they do not go by names of their own.
+        least (``{periods}`` are those over the projector; the pitch of a code is ``gray``); or
+        with ``*``: these files, in natural order, are the order in time, first white and black if
+        they do not go by names of their own.
     first : int
         Number of the first step in the names.
     white, black : str
@@ -101,8 +107,16 @@ class Patterns:
         for name, (fits, needed) in NEEDED.items():
             if not fits(value := getattr(self, name)):
                 raise ValueError(f"{name} {value!r} given; {needed}")
-        at_most("pixels of the projector", prod(self.projector), "FPP_MOST_PIXELS")
+        if not self.projector and self.unwrap != "spatial":
+            raise ValueError(f"projector () given; unwrap {self.unwrap!r} needs its size")
+        at_most("pixels of the projector", math.prod(self.projector), "FPP_MOST_PIXELS")
         at_most("photographs", sum(f.steps for f in self.fringes), "FPP_MOST_PHOTOGRAPHS")
+        coded = [f.axis for f in self.fringes if isinstance(f, GrayCode)]
+        if sorted(coded) != (sorted(self.axes) if self.unwrap == "gray" else []):
+            raise ValueError(
+                f"unwrap {self.unwrap!r} and Gray codes along {', '.join(coded) or 'no axis'} "
+                "given; gray takes one code along each axis, the others none"
+            )
         axes = [self.axes.index(f.axis) for f in self.fringes]
         if axes != sorted(axes):
             raise ValueError("fringes of both axes mixed; those of one axis stand together")
@@ -110,7 +124,7 @@ class Patterns:
         if "{" in plain or "}" in plain:
             raise ValueError(
                 f"files {self.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are "
-                "known, with the least number of digits as in {step:02}"
+                "known (and {periods}), with the least number of digits as in {step:02}"
             )
         names = [] if "*" in self.files else [shot.file for shot in self.shots()]
         if twice := [name for name, number in Counter(names).items() if number > 1]:
@@ -125,13 +139,27 @@ class Patterns:
         return list(dict.fromkeys(f.axis for f in self.fringes))
 
     def along(self, axis: str) -> dict[int, Fringe]:
-        """Fringes of an axis by their number; ValueError if there are none."""
+        """Fringes of an axis by their number, in the order in which unwrapping takes them.
+
+        ValueError if there are none.
+        """
         if axis not in self.axes:
             raise ValueError(f"axis {axis!r} given; the patterns have {', '.join(self.axes)}")
-        return {k: f for k, f in enumerate(self.fringes) if f.axis == axis}
+        known = enumerate(self.fringes)
+        fringes = [(k, f) for k, f in known if f.axis == axis and isinstance(f, Fringe)]
+        if self.unwrap != "nt":  # which takes its two as they stand
+            fringes.sort(key=lambda pair: pair[1].pitch, reverse=self.unwrap != "mw")
+        return dict(fringes)
 
-    def width(self, axis: str) -> int:
-        """Projector pixels along an axis: columns or rows."""
+    def code(self, axis: str) -> tuple[int, GrayCode] | None:
+        """The Gray code of an axis, and its number; None if there is none."""
+        codes = [(k, c) for k, c in enumerate(self.fringes) if isinstance(c, GrayCode)]
+        return next(((k, code) for k, code in codes if code.axis == axis), None)
+
+    def width(self, axis: str) -> float:
+        """Projector pixels along an axis, columns or rows; infinite if they are not known."""
+        if not self.projector:
+            return math.inf
         return self.projector[0 if axis == "column" else 1]
 
     def shots(self, folder_names: Sequence[str] | None = None) -> list[Shot]:
@@ -150,15 +178,21 @@ class Patterns:
 
     def picture(self, shot: Shot) -> np.ndarray:
         """What the projector shows for a photograph, (height, width) uint8."""
+        if not self.projector:
+            raise ValueError("projector () given; a picture needs its size")
         width, height = self.projector
         if shot.fringe < 0:
             return np.full((height, width), 0 if shot.step else WHITE, np.uint8)
         fringe = self.fringes[shot.fringe]
         line = np.arange(self.width(fringe.axis))
-        step = shot.step * self.shift % fringe.steps
-        value = np.rint(fringe.intensity(line, step)).astype(np.uint8)
+        value = np.rint(fringe.intensity(line, self.shown(shot))).astype(np.uint8)
         column = fringe.axis == "column"
         return np.tile(value, (height, 1)) if column else np.tile(value[:, None], width)
+
+    def shown(self, shot: Shot) -> int:
+        """Number of the picture of its fringe that a photograph shows."""
+        fringe = self.fringes[shot.fringe]
+        return shot.step if isinstance(fringe, GrayCode) else shot.step * self.shift % fringe.steps
 
     def save(self, path: str | Path) -> None:
         """Write as TOML, whole or not at all."""
@@ -169,7 +203,10 @@ class Patterns:
 
         text = "".join(line(self, name) for name in KEYS[:-1])
         for fringe in self.fringes:
-            text += "\n[[fringes]]\n" + "".join(line(fringe, name) for name in FRINGE)
+            names = SAVED if isinstance(fringe, Fringe) else CODE
+            text += "\n[[fringes]]\n" + "".join(line(fringe, name) for name in names)
+            if fringe.start:
+                text += f"start = {round(math.degrees(fringe.start), 9)!r}\n"
         write_whole(path, text.encode())
 
     @classmethod
@@ -180,21 +217,36 @@ class Patterns:
             raise FileNotFoundError(f"{path} given; there is no such pattern file")
         try:
             entries = tomllib.loads(path.read_text(encoding="utf-8"))
-            if unknown := sorted(set(entries) - set(KEYS)):
-                raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}")
+            if unknown := sorted(set(entries) - {*KEYS, "start"}):
+                raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}, start")
+            if entries.get("unwrap") == "spatial":
+                entries.setdefault("projector", [])
             for name in ("projector", "fringes"):
                 if not isinstance(entries.get(name), list):
                     raise ValueError(
                         f"no list {name!r} found; projector and [[fringes]] are needed"
                     )
-            return cls(**{**entries, "fringes": [_fringe(f) for f in entries["fringes"]]})
-        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+            start = entries.pop("start", "cosine")
+            fringes = [_fringe(f, entries["projector"], start) for f in entries["fringes"]]
+            return cls(**{**entries, "fringes": fringes})
+        except (
+            ValueError,
+            TypeError,
+            KeyError,
+            IndexError,
+            OverflowError,
+            RecursionError,
+        ) as error:
             raise ValueError(f"{path}: {error}") from error
 
     def _name(self, k: int, n: int, number: int) -> str:
         fringe, step = self.fringes[k], n + self.first
         values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
-        return FIELD.sub(lambda m: format(values[m[1]], (m[2] or "") + FORMATS[m[1]]), self.files)
+        if isinstance(fringe, GrayCode):
+            values |= {"pitch": "gray", "periods": "gray"}
+        else:
+            values["periods"] = self.width(fringe.axis) / fringe.pitch
+        return FIELD.sub(lambda m: _formatted(values, *m.groups()), self.files)
 
     def _matching(self, names: Sequence[str], plain: list[Shot], needed: int):
         """Photographs in plain light, by name or the first of all, and names of the others."""
@@ -215,6 +267,11 @@ class Patterns:
         return plain, matching
 
 
+def _formatted(values: dict, name: str, digits: str | None) -> str:
+    value = values[name]
+    return value if isinstance(value, str) else format(value, (digits or "") + FORMATS[name])
+
+
 def natural(name: str) -> list:
     """Key that sorts step-2 before step-10."""
     return [(int(p), p) if p.isdecimal() else (0, p) for p in re.split(r"([0-9]+)", name)]
@@ -230,11 +287,11 @@ def _is_name(value) -> bool:
 
 NEEDED = {
     "projector": (
-        lambda v: len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
+        lambda v: not v or len(v) == 2 and all(_is_whole(n, 1, LARGEST) for n in v),
         f"width and height, 1 to {LARGEST} pixels each, are needed",
     ),
     "fringes": (
-        lambda v: v and all(isinstance(f, Fringe) for f in v),
+        lambda v: v and all(isinstance(f, Fringe | GrayCode) for f in v),
         "one Fringe or more is needed",
     ),
     "unwrap": (lambda v: v in UNWRAP, f"one of {', '.join(UNWRAP)} is needed"),
@@ -248,7 +305,31 @@ NEEDED = {
 """Of each entry of `Patterns` what it must be, and how that is said."""
 
 
-def _fringe(entry) -> Fringe:
-    if not isinstance(entry, dict) or not {"pitch", "steps"} <= set(entry) <= set(FRINGE):
+def _fringe(entry, projector, start) -> Fringe | GrayCode:
+    if isinstance(entry, dict) and {"cell", "bits"} <= set(entry) <= set(CODE):
+        return GrayCode(**entry)
+    if not isinstance(entry, dict) or not set(entry) <= set(FRINGE) or "steps" not in entry:
         raise ValueError(f"fringe {entry!r} found; pitch and steps are needed, axis may be given")
+    if ("pitch" in entry) == ("periods" in entry):
+        raise ValueError(f"fringe {entry!r} found; of pitch and periods, one is needed")
+    entry = {**entry, "start": phase_of(entry.get("start", start))}
+    if (periods := entry.pop("periods", None)) is not None:
+        side = projector[0 if entry.get("axis", "column") == "column" else 1]
+        entry["pitch"] = side / positive("periods", periods, "the projector's width or height")
     return Fringe(**entry)
+
+
+def phase_of(start: str | float) -> float:
+    """Phase, radians, of a first step that begins as a name of `STARTS` says, or at degrees.
+
+    >>> phase_of("sine") == phase_of(-90) == phase_of("-90") == -np.pi / 2
+    True
+    """
+    if start in STARTS:
+        return math.radians(STARTS[start])
+    try:
+        return math.radians(finite("start", float(start) if isinstance(start, str) else start))
+    except ValueError:
+        raise ValueError(
+            f"start {start!r} given; one of {', '.join(STARTS)}, or degrees, are needed"
+        ) from None

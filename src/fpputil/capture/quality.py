@@ -15,7 +15,7 @@ from scipy.special import chdtr, chdtri
 
 from fpputil.capture.gamma import linearise
 from fpputil.decoding import phase
-from fpputil.decoding.unwrap import TWO_PI, beat, guard_columns
+from fpputil.decoding.unwrap import TWO_PI, beats_of, covers, guard_columns
 from fpputil.optics.fringes import WHITE, Fringe
 
 QUANTISATION = 1 / 12  # variance of rounding, grey levels squared: the least noise there is
@@ -23,8 +23,8 @@ CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly tu
 SCATTER = 0.25  # of the modulation, beyond three times the noise
 UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
 AROUND = 31  # pixels, of the square over which modulations are compared
-UNSURE = 0.4  # of `order_step` between the columns of two pitches; at a half the order is a guess
-CERTAIN = 2.5  # standard deviations of the noise that must lie within half an order step
+UNSURE = 0.4  # of an order, by which two pitches may part; at a half the order is a guess
+CERTAIN = 2.5  # standard deviations of the noise that must lie within half an order
 LEAST_PIXELS = 100  # for an estimate of the noise
 CLASSES, EACH = 8, 60  # of grey levels at most, and about how many pixels in one at least
 FEW = 4  # rows and columns, of which one is counted where a mean is enough
@@ -201,8 +201,9 @@ def judge(
         Standard deviation of each wrapped phase by noise and modulation, radians.
     offsets, sharpness : (P - 1,) arrays
         Of each two neighbouring pitches the circular mean of how far their columns part, as a
-        share of `order_step`, 0 where they agree; and its length, 1 if all pixels tell the same,
-        near 0 if they tell nothing.
+        share of `order_step` (by beats: of each pitch but one how far the shortest beat is off),
+        0 where they agree; and its length, 1 if all pixels tell the same, near 0 if they tell
+        nothing.
     """
     reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
     sigmas = [
@@ -211,18 +212,18 @@ def judge(
     ]
     for (one, other), noises in zip(pairwise(fits), pairwise(sigmas), strict=True):
         _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), reason)
-    means = []
-    for apart, sigma in _apart(Phis, pitches, sigmas, method):
-        turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD])
+    means, good = [], reason[::FEW, ::FEW] == Reason.GOOD  # of which an offset may leave none
+    for apart, sigma in _apart(Phis, pitches, sigmas, method, width):
+        turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][good])
         means.append(turns.mean() if turns.size else 0)
         _mark(reason, ~((np.abs(apart) < UNSURE) & (CERTAIN * sigma < 0.5)), Reason.UNSURE)
     means = np.array(means[: len(fits) - 1], complex)
     finest = int(np.argmin(pitches))
     column = Phis[finest] * np.float32(pitches[finest] / TWO_PI)
-    guard, few = 0.0, sigmas[0][::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD]
-    if method == "mf" and pitches[0] <= 1.05 * width and few.size:
-        # columns at either border that noise may throw to the other (chapter 4)
-        guard = min(guard_columns(float(np.median(few)), width), width / 4)
+    good, guard = reason[::FEW, ::FEW] == Reason.GOOD, 0.0
+    if good.any():
+        typical = [float(np.median(sigma[::FEW, ::FEW][good])) for sigma in sigmas]
+        guard = _guard(pitches, typical, method, width)
     inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
     _mark(reason, ~inside, Reason.OUTSIDE)
     return reason, sigmas, np.angle(means) / TWO_PI, np.abs(means)
@@ -231,14 +232,50 @@ def judge(
 def order_step(method: str, p: float, q: float) -> float:
     """How far the columns of two pitches part, projector pixels, if an order is wrong by one.
 
-    By beats both orders are wrong together.
-
-    >>> [order_step(method, 30, 24) for method in ("mf", "mw", "nt")]
-    [24, 6, 6]
+    >>> [order_step(method, 30, 24) for method in ("mf", "nt")]
+    [24, 6]
     """
+    return math.gcd(int(p), int(q)) if method == "nt" else min(p, q)
+
+
+def start_offsets(pitches: Sequence[float], method: str, width: float, start: float) -> np.ndarray:
+    """The `offsets` of `judge` if all fringes begin at a phase, `start` in periods, and not at 0.
+
+    >>> start_offsets([912, 114, 19], "mf", 912, -0.25), start_offsets([14, 15], "mw", 912, -0.25)
+    (array([ 0.25, -0.25]), array([0.25]))
+    """
+    if method == "mw" and not covers(pitches[-1], width):
+        return np.full(len(pitches) - 1, -start)  # a beat has no part in it
     if method == "nt":
-        return math.gcd(int(p), int(q))
-    return abs(p - q) if method == "mw" else min(p, q)
+        p, q = pitches
+        return _fraction(np.array([(p - q) / order_step(method, p, q) * start]))
+    offsets, off, pitches = [], start, pitches[::-1] if method == "mw" else pitches
+    if method == "gray":  # the code tells how far the first phase is off
+        off = _fraction(start)
+        offsets = [off]
+    for p, q in pairwise(pitches):  # the order of a pitch takes up what is whole
+        apart = off * p / q - start
+        offsets.append(_fraction(apart))
+        off = start + np.round(apart)
+    return np.array(offsets[::-1] if method == "mw" else offsets)
+
+
+def _fraction(turns):
+    return turns - np.round(turns)
+
+
+def _guard(pitches, sigmas, method: str, width: float) -> float:
+    """Columns at either border that noise, or a beat that is too short, may throw to the other."""
+    if method not in ("mf", "mw"):
+        return 0.0
+    pitches, sigmas, weights = list(pitches), np.array(sigmas), np.eye(len(pitches))
+    while method == "mw" and len(pitches) > 1 and not covers(pitches[-1], width):
+        pitches, pairs = beats_of(pitches)
+        weights = np.stack([weights[j] - weights[j + 1] for j in pairs])
+    longest, noise = max(pitches), float(np.hypot.reduce(weights[np.argmax(pitches)] * sigmas))
+    if longest > 1.05 * width:
+        return 0.0
+    return min(guard_columns(noise, longest) + max(width - longest, 0), width / 4)
 
 
 def _mark(reason, fault, why: Reason) -> None:
@@ -256,8 +293,13 @@ def _look(one: Fit, steps: int, noise: Noise, threshold: float, reason) -> np.nd
     _mark(reason, ~(B > threshold), Reason.DARK)
     _mark(reason, one.clipped > CLIPPED * steps, Reason.SATURATED)
     _mark(reason, scattered, Reason.SCATTERED)
+    return phase_noise(one, steps, noise)
+
+
+def phase_noise(one: Fit, steps: int, noise: Noise) -> np.ndarray:
+    """Standard deviation of a wrapped phase, (H, W), radians, by noise and modulation (ch. 3)."""
     with np.errstate(divide="ignore"):  # a pixel of one grey level in all photographs
-        return np.sqrt(2 / steps * variance) / B
+        return np.sqrt(2 / steps * noise.variance(one.average)) / one.modulation
 
 
 def _mark_unsteady(B, other, sigma, reason) -> None:
@@ -275,19 +317,29 @@ def _mark_unsteady(B, other, sigma, reason) -> None:
         _mark(reason, np.abs(change - near / share) > UNSTEADY + 4 * sigma, Reason.UNSTEADY)
 
 
-def _apart(Phis, pitches, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """How far the columns of each two neighbours part, and its noise, in `order_step`s.
+def _apart(Phis, pitches, sigmas, method, width) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """How far what unwraps a pitch lies off its phase, and the noise of that, in orders.
 
-    By beats also the columns of neighbouring beats, and of their beats.
+    Of each two neighbours how far their columns part; by beats, of each pitch but one of those
+    whose beat is the shortest, how far that beat is off, and of the beats likewise.
     """
+    if method == "mw" and not covers(pitches[-1], width):
+        beats, pairs = beats_of(pitches)
+        j = pairs[0]
+        for k, pitch in enumerate(pitches):
+            if k == j + 1:
+                continue  # that of its neighbour
+            ratio, minus = np.float32(beats[0] / pitch), float(k == j)
+            apart = ratio * (Phis[j] - Phis[j + 1]) - Phis[k]
+            noise = np.hypot((ratio - minus) * sigmas[j], ratio * sigmas[j + 1])
+            noise = noise if minus else np.hypot(noise, sigmas[k])
+            yield apart / np.float32(TWO_PI), noise / np.float32(TWO_PI)
+        both = [np.hypot(sigmas[j], sigmas[j + 1]) for j in pairs]  # a difference has both's noise
+        Phis = [Phis[j] - Phis[j + 1] for j in pairs]
+        yield from _apart(Phis, beats, both, method, width)
+        return
     for k, (p, q) in enumerate(pairwise(pitches)):
         step = TWO_PI * order_step(method, p, q)
         one, other = np.float32(p / step), np.float32(q / step)
         apart = Phis[k] * one - Phis[k + 1] * other
         yield apart, np.hypot(sigmas[k] * one, sigmas[k + 1] * other)
-    if method == "mw" and len(pitches) > 2:
-        beats = [beat(p, q) for p, q in pairwise(pitches)]
-        order = np.argsort(beats)
-        both = [np.hypot(sigmas[j], sigmas[j + 1]) for j in order]  # a difference has both's noise
-        Phis = [Phis[j] - Phis[j + 1] for j in order]
-        yield from _apart(Phis, [beats[j] for j in order], both, method)

@@ -58,6 +58,7 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     high = float(np.nanpercentile(m.sigma, 98)) if m.mask.any() else 1.0
     plotting.frame(axes[0], m.average[few], "average of the finest fringe")
     lit = [frames[:, np.ptp(frames, axis=0) > 2 * THRESHOLD] for frames in m.sample]
+    lit = lit or [m.average[m.lit]]  # of a Gray code alone
     title = "grey levels where fringes are seen"
     _histogram(axes[1], m, lit, 256, xlabel="grey level", title=title, yticks=[])
     plotting.quantity(axes[2], m.modulation[m.finest][few], "modulation", "grey levels")

@@ -12,6 +12,7 @@ from fpputil.capture.patterns import NAME, Patterns, Shot
 from fpputil.capture.photographs import write_photograph
 from fpputil.checks import seeded
 from fpputil.files import write_arrays
+from fpputil.optics.fringes import Fringe
 from fpputil.optics.system import System
 from fpputil.optics.view import View
 
@@ -48,9 +49,10 @@ def photograph(
         if shot.fringe < 0:
             yield shot, (view.dark if shot.step else view.plain)(**camera, seed=drawn)
             continue
-        fringe = replace(patterns.fringes[shot.fringe], gamma=response, levels=256)
-        step = shot.step * patterns.shift % fringe.steps
-        yield shot, view.frames(fringe, steps=[step], seed=drawn, **camera)[0]
+        fringe = patterns.fringes[shot.fringe]
+        if isinstance(fringe, Fringe):
+            fringe = replace(fringe, gamma=response, levels=256)
+        yield shot, view.frames(fringe, steps=[patterns.shown(shot)], seed=drawn, **camera)[0]
 
 
 def photograph_into(

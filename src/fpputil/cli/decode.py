@@ -23,7 +23,9 @@ class Files:
     files: Annotated[
         str | None, option("Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.")
     ] = None
-    projector: Annotated[Size, option("Pixels.")] = (912, 1140)
+    projector: Annotated[
+        Size | None, option("Pixels (default 912x1140, unless the pitches say otherwise).")
+    ] = None
     first: Annotated[int, option("Number of the first step in a name.")] = 0
     order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
     white: Annotated[str, option("Photograph in plain light.")] = ""
@@ -46,6 +48,13 @@ def decode(
     noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
     full: Annotated[float | None, option("Saturated grey level (default 255 or 65535).")] = None,
     accept: Annotated[bool, option("Write phases all the same.")] = False,
+    reference: Annotated[
+        Path | None, option("Photographs of a plane, likewise named; its phase is taken away.")
+    ] = None,
+    relief: Annotated[
+        Literal["plane", "cubic"] | None,
+        option("A shape without --system: the phase less such a ground, as picture and mesh."),
+    ] = None,
     report: Annotated[bool, option("Write report.html.", **YES)] = True,
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
     force: Force = False,
@@ -66,6 +75,7 @@ def decode(
     rig = None if system is None else optics.load_system(system)
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
+    how |= {"reference": reference, "relief": relief}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
     decoded = capture.decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
@@ -83,21 +93,27 @@ def _number(text: str) -> float:
 
 
 def _patterns(folder: Path, names: Files, fringes: Fringes):
-    """Patterns named on the command line, or of a file, whose direction --shift may turn."""
+    """Patterns named on the command line, or of a file, which --shift and --start may turn."""
     from fpputil.capture.photographs import of_folder
 
     if names.patterns is not None and names.files is not None:
         raise ValueError("--patterns and --files given; one of them names the photographs")
     if names.files is not None:
         options = given(names)
-        return fringes.patterns(options.pop("projector"), **options)
-    if beside := given(replace(fringes, shift=None)):
+        unknown = () if fringes.unwrap == "spatial" else None
+        return fringes.patterns(options.pop("projector", unknown), **options)
+    if beside := given(replace(fringes, shift=None, start=None)):
         reason = "a pattern file tells it, or --files and all the others do"
         raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
     patterns = (
         of_folder(folder) if names.patterns is None else capture.Patterns.load(names.patterns)
     )
-    return patterns if fringes.shift is None else replace(patterns, shift=fringes.shift)
+    if fringes.shift is not None:
+        patterns = replace(patterns, shift=fringes.shift)
+    if fringes.start is not None:
+        each = (tuple(f for f in patterns.fringes if f.axis == axis) for axis in patterns.axes)
+        patterns = replace(patterns, fringes=sum(map(fringes.begun, each), ()))
+    return patterns
 
 
 def _print(decoded, system) -> None:
@@ -111,7 +127,10 @@ def _print(decoded, system) -> None:
     if "points" in summary:
         print(f"{summary['points']} points in {decoded.out / 'points.ply'}")
     elif system is None:
-        print("no --system given: phases, but no depth and no points")
+        shape = "" if "relief" in summary else "; --relief cubic makes a picture and a mesh of them"
+        print(f"no --system given: phases, but no depth and no points{shape}")
+    for file in summary.get("relief", ()):
+        print(f"{decoded.out / file}: heights in radians, which way is up is not known")
     if not summary["decoded"]:
         print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
     print(f"{'written to' if summary['decoded'] else 'the report is in'} {decoded.out}")

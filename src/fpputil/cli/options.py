@@ -2,13 +2,15 @@
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from fpputil import capture, optics
+from fpputil.checks import positive
+from fpputil.decoding.unwrap import TEMPORAL
 
 
 def option(text: str, **how) -> Parameter:
@@ -46,28 +48,64 @@ class Fringes:
 
     pitches: Annotated[
         list[float] | None,
-        option("Pixels a period, in order (default of mf: longer side, / 8, / 48).", **SEVERAL),
+        option("Pixels a period, as photographed (default: longer side, / 8, / 48).", **SEVERAL),
+    ] = None
+    periods: Annotated[
+        list[float] | None,
+        option("In their place: periods over the projector, as 70 64 59 with mw.", **SEVERAL),
     ] = None
     steps: Annotated[list[int] | None, option("Of all, or of each (default 8).", **SEVERAL)] = None
     axis: Annotated[
         Literal["column", "row", "both"] | None,
         option("Fringes along columns (vertical, default), rows, or both, as calibration needs."),
     ] = None
-    unwrap: Annotated[str | None, option("mf (default), mw, nt or minimum.")] = None
+    unwrap: Annotated[str | None, option("mf (default), mw, nt, minimum, gray or spatial.")] = None
+    code: Annotated[
+        Literal["complementary", "plain", "shifted", "alone"] | None,
+        option(
+            "Gray code of the longest pitch, after the fringes: two cells a period (default), one, "
+            "one shifted by half a period; or no fringes at all, and cells of one pixel."
+        ),
+    ] = None
+    inverse: Annotated[
+        bool | None, option("After each picture of a Gray code its negative.", negative=())
+    ] = None
     shift: Annotated[Literal[1, -1] | None, option("Sign of the phase shift (default 1).")] = None
+    start: Annotated[
+        list[str] | None,
+        option(
+            "How the first step begins at column 0: cosine (default), sine, black or degrees; of "
+            "all, or of each.",
+            **SEVERAL,
+        ),
+    ] = None
 
-    def patterns(self, projector: tuple[int, int], **names):
-        """`Patterns` for a projector (width, height), refused if they do not unwrap."""
+    def patterns(self, projector: tuple[int, int] | None, **names):
+        """`Patterns` for a projector (width, height), refused if they do not unwrap.
+
+        () is one of unknown size, None the usual one.
+        """
         from fpputil.capture.measurement import unwrapper
 
-        side, unwrap = max(projector), self.unwrap or "mf"
-        if self.pitches is None and unwrap not in ("mf", "minimum"):
+        unwrap = self.unwrap or "mf"
+        if self.pitches and self.periods:
+            raise ValueError("--pitches and --periods given; one of them says what was projected")
+        if unwrap != "gray" and (beside := [n for n in ("code", "inverse") if getattr(self, n)]):
+            raise ValueError(f"--{beside[0]} with unwrap {unwrap!r} given; it is of gray")
+        if self.code == "alone" and (self.pitches or self.periods):
+            raise ValueError("--code alone with pitches given; it has no fringes")
+        if not (self.pitches or self.periods) and unwrap not in USUALLY:
             raise ValueError(f"unwrap {unwrap!r} without --pitches given; name them")
-        pitches = self.pitches or [side, side / 8, side / 48]
-        pitches = [int(p) if float(p).is_integer() else p for p in pitches]
+        projector = self._usual(unwrap) if projector is None else projector
         axes = ("column", "row") if self.axis == "both" else (self.axis or "column",)
         steps = self.steps if len(self.steps or ()) > 1 else (self.steps or [8])[0]
-        fringes = sum((optics.fringe_set(pitches, steps, axis=axis) for axis in axes), ())
+        fringes = ()
+        for axis in axes:
+            pitches = self._pitches(projector, axis)
+            if self.code != "alone":
+                fringes += self.begun(optics.fringe_set(pitches, steps, axis=axis))
+            if unwrap == "gray":
+                fringes += (self._code(max(pitches), projector[axis == "row"], axis),)
         patterns = capture.Patterns(projector, fringes, unwrap, self.shift or 1, **names)
         for axis in () if unwrap == "minimum" else axes:  # whose pitches the system decides on
             try:
@@ -76,8 +114,62 @@ class Fringes:
                 raise ValueError(f"fringes along {axis}s: {error}") from error
         return patterns
 
+    def begun(self, fringes: tuple) -> tuple:
+        """Fringes along an axis that begin as `start` says."""
+        from fpputil.capture.patterns import phase_of
+
+        if self.start is None:
+            return fringes
+        starts = self.start * len(fringes) if len(self.start) == 1 else self.start
+        if len(starts) != len(fringes):
+            raise ValueError(
+                f"{len(starts)} starts and {len(fringes)} pitches given; one of all, or of each"
+            )
+        pairs = zip(fringes, starts, strict=True)
+        return tuple(replace(fringe, start=phase_of(start)) for fringe, start in pairs)
+
+    def _usual(self, unwrap: str) -> tuple[int, int]:
+        """Size of the book's projector, unless pitches or periods say that it is another one."""
+        from fpputil.capture.suggestion import reach
+
+        if self.periods:
+            raise ValueError("--periods without --projector given; they are parts of its width")
+        if self.pitches and unwrap == "gray":
+            raise ValueError("--pitches of a Gray code without --projector given; give its size")
+        if self.pitches and unwrap in TEMPORAL:
+            span = reach(unwrap, self.pitches)
+            if span > 1.01 * USUAL[0] and span != USUAL[1]:
+                raise ValueError(
+                    f"pitches {self.pitches} without --projector given; they tell {span:g} pixels "
+                    f"apart, so the projector is likely to be wider than {USUAL[0]} x {USUAL[1]}, "
+                    "the default: give --projector WIDTHxHEIGHT"
+                )
+        return USUAL
+
+    def _pitches(self, projector: tuple[int, int], axis: str) -> list[float]:
+        longer = max(projector, default=48)  # of a size unknown, pitch 1 counts the periods
+        one = self.unwrap in ("gray", "spatial")
+        pitches = self.pitches or ([longer / 48] if one else [longer, longer / 8, longer / 48])
+        if self.periods:
+            if not projector:
+                raise ValueError("--periods without --projector given; they are parts of its width")
+            side = projector[axis == "row"]
+            pitches = [side / positive("periods", n, "the projector's width") for n in self.periods]
+        return [int(p) if float(p).is_integer() else p for p in pitches]
+
+    def _code(self, pitch: float, side: int, axis: str):
+        """Gray code of a pitch along an axis of a projector with so many pixels."""
+        from fpputil.optics.graycode import GrayCode, gray_code
+
+        if self.code == "alone":
+            bits = max(1, (side - 1).bit_length())
+            return GrayCode(1, bits, axis, inverse=bool(self.inverse))
+        return gray_code(pitch, side, self.code or "complementary", axis, bool(self.inverse))
+
 
 FRINGES = Fringes()
+USUAL = (912, 1140)  # pixels of the book's projector
+USUALLY = ("mf", "minimum", "gray", "spatial")  # unwrappings that have usual pitches
 
 
 @Parameter(name="*", group="Processes")

@@ -9,7 +9,9 @@ def patterns(
     out: Out,
     /,
     *,
-    projector: Annotated[Size, option("Pixels.")] = (912, 1140),
+    projector: Annotated[
+        Size | None, option("Pixels (default 912x1140, unless the pitches say otherwise).")
+    ] = None,
     fringes: Fringes = FRINGES,
     plain: Annotated[bool, option("White and black, too.", negative="--no-plain")] = True,
     force: Force = False,
@@ -33,5 +35,6 @@ def patterns(
             write_photograph(folder / shot.file, chosen.picture(shot))
         chosen.save(folder / NAME)
     made = {"folder": str(out), "files": [shot.file for shot in shots]}
-    pictures = f"{len(shots)} pictures of {projector[0]} x {projector[1]} and {NAME} in {out}"
+    width, height = chosen.projector
+    pictures = f"{len(shots)} pictures of {width} x {height} and {NAME} in {out}"
     tell(json, made, pictures, f"to be shown in the order of their names, {shots[0].file} first")

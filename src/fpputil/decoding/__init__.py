@@ -17,6 +17,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "spatial",
             "wrap",
         ],
+        "gray": ["gray_index", "gray_order", "read_cells"],
         "geometric_constraint": [
             "depth_range",
             "minimum_phase",

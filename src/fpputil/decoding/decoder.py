@@ -129,7 +129,12 @@ def _guard(result: Decoded, pitch, width, guard) -> None:
 def _by_equations(frames, fringes, pitches, width, threshold) -> Decoded:
     ends = np.cumsum([f.steps for f in fringes])[:-1]
     sums = [phase.numerator_denominator(f) for f in np.split(frames, ends)]
-    wrapped = np.stack([phase.wrapped_phase(M, D) for M, D in sums])
+    wrapped = np.stack(
+        [
+            unwrap.wrap(phase.wrapped_phase(M, D) - f.start)
+            for (M, D), f in zip(sums, fringes, strict=True)
+        ]
+    )
     modulation = np.stack(
         [phase.modulation(M, D, f.steps) for (M, D), f in zip(sums, fringes, strict=True)]
     )

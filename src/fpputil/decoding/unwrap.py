@@ -13,6 +13,8 @@ from array_api_compat import array_namespace
 from fpputil.checks import not_negative, positive
 
 TWO_PI = 2 * math.pi
+ROUNDING = 1e-9  # of the projector's width, by which a pitch that was computed may miss it
+ROUNDED = 0.01  # likewise a beat, of pitches that were rounded; then the borders are ambiguous
 
 
 def wrap(phase):
@@ -47,25 +49,26 @@ def fringe_order(phi, Phi_ref, ratio: float):
     return array_namespace(phi, Phi_ref).round((ratio * Phi_ref - phi) / TWO_PI)
 
 
-def unit_phase(phi, pitch: float, width: float):
+def unit_phase(phi, pitch: float, width: float, short: float = ROUNDING):
     """Absolute phase of a fringe whose one period covers the projector. Chapter 4.
 
     Pixel centres are at integers, so the projector spans columns -0.5 to width - 0.5. The phase
     is taken into the period centred on that span: [-pi/width, 2 pi - pi/width) if the pitch
-    equals the width. A shorter pitch is refused: its phase would be ambiguous.
+    equals the width. A pitch that is shorter, by more than a share of the width, is refused: its
+    phase would be ambiguous.
 
     >>> unit_phase(np.array([-3.0, -0.5, 3.0]), 912, 912).round(3)
     array([3.283, 5.783, 3.   ])
     """
-    start = unit_start(pitch, width)
+    start = unit_start(pitch, width, short)
     return phi - TWO_PI * array_namespace(phi).floor((phi - start) / TWO_PI)
 
 
-def unit_start(pitch: float, width: float) -> float:
+def unit_start(pitch: float, width: float, short: float = ROUNDING) -> float:
     """Phase, radians, at which the period of `unit_phase` begins."""
     positive("width", width, "projector columns")
     positive("pitch", pitch, "projector pixels")
-    if pitch < width:
+    if pitch < width * (1 - short):
         raise ValueError(
             f"pitch {pitch} on {width} columns given; the first pitch must cover the whole "
             "projector, or its phase is ambiguous; short pitches that differ little are unwrapped "
@@ -129,8 +132,11 @@ def mw_tpu(phis, pitches, width: float):
     """Multi-wavelength (heterodyne) temporal unwrapping. Chapter 4.
 
     The difference of two wrapped phases is the phase of their beat. Beats of beats are formed
-    until one remains; it must cover the projector, and unwraps its parents, and they theirs.
-    Pitches that do not ascend, or whose last beat is too short, are refused.
+    until one covers the projector: it unwraps the others, from the longest to the shortest (so do
+    100, 99 and 90 periods, whose beats are 1 and 9), and they their parents. A beat may be short
+    of the projector by a hundredth, as of pitches that were rounded; the columns that are then
+    ambiguous, half of them at either border, may be a whole beat off. Pitches that do not ascend,
+    or whose last beat is too short, are refused.
 
     Arguments and result as of `mf_tpu`, in ascending order of the pitches.
 
@@ -140,17 +146,42 @@ def mw_tpu(phis, pitches, width: float):
     array([ 10., 400.])
     """
     check_pitches(phis, pitches, "ascend")
-    if len(phis) == 1:
-        return [unit_phase(phis[0], pitches[0], width)]
+    return _by_beats(phis, pitches, width)
+
+
+def covers(pitch: float, width: float) -> bool:
+    """Whether a beat is as long as the projector is wide, but for the rounding of its pitches."""
+    return pitch >= width * (1 - ROUNDED)
+
+
+def beats_of(pitches) -> tuple[list[float], list[int]]:
+    """Beats of neighbours among ascending pitches, ascending, and which neighbours those are.
+
+    >>> beats_of([14, 15, 16])
+    ([210.0, 240.0], [0, 1])
+    """
     beats = [beat(a, b) for a, b in pairwise(pitches)]
-    order = np.argsort(beats).tolist()
-    differences = [wrap(phis[j] - phis[j + 1]) for j in order]
-    try:  # of the beats the shortest carries the least noise
-        Phi_ref = mw_tpu(differences, [beats[j] for j in order], width)[0]
+    order = np.argsort(beats, kind="stable").tolist()
+    return [beats[j] for j in order], order
+
+
+def _by_beats(phis, pitches, width):
+    """`mw_tpu` of pitches that ascend, or of beats, some of which may be equal."""
+    if len(phis) == 1 or covers(pitches[-1], width):
+        Phi = [unit_phase(phis[-1], pitches[-1], width, ROUNDED)]
+        for k in range(len(phis) - 2, -1, -1):
+            K = fringe_order(phis[k], Phi[-1], pitches[k + 1] / pitches[k])
+            Phi.append(absolute_phase(phis[k], K))
+        return Phi[::-1]
+    try:
+        check_pitches(phis, pitches, "ascend")
+        beats, pairs = beats_of(pitches)
+        # Of the beats the shortest carries the least noise.
+        Phi_ref = _by_beats([wrap(phis[j] - phis[j + 1]) for j in pairs], beats, width)[0]
     except ValueError as error:
         raise ValueError(f"pitches {list(pitches)} given; of their beats: {error}") from error
-    pairs = zip(phis, pitches, strict=True)
-    return [absolute_phase(phi, fringe_order(phi, Phi_ref, min(beats) / p)) for phi, p in pairs]
+    each = zip(phis, pitches, strict=True)
+    return [absolute_phase(phi, fringe_order(phi, Phi_ref, beats[0] / p)) for phi, p in each]
 
 
 def nt_tpu(phis, pitches, width: int):

@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=["blender", "parts", "shapes"],
     submod_attrs={
         "fringes": ["Fringe", "fringe_set"],
+        "graycode": ["GrayCode", "gray_code"],
         "pinhole": ["Pinhole", "camera_matrix", "looking"],
         "system": [
             "Pitches",

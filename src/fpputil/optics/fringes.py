@@ -7,7 +7,7 @@ from numbers import Integral
 import numpy as np
 from scipy.special import ndtr
 
-from fpputil.checks import at_most, not_negative, positive, whole
+from fpputil.checks import at_most, finite, not_negative, positive, whole
 
 WHITE = 255.0
 
@@ -16,7 +16,7 @@ WHITE = 255.0
 class Fringe:
     """One phase-shifted set of sinusoidal patterns (Eq. 1).
 
-    ``I_n = 255/2 (1 + cos(2 pi i / pitch + delta_n))`` with ``delta_n = 2 pi n / steps``,
+    ``I_n = 255/2 (1 + cos(2 pi i / pitch + delta_n))`` with ``delta_n = start + 2 pi n / steps``,
     ``n = 0 .. steps-1`` and ``i`` the projector column (or row). Chapter 1.
 
     Parameters
@@ -37,6 +37,8 @@ class Fringe:
     defocus : float
         Standard deviation of the Gaussian blur in projector pixels; it acts on the pixel grid.
         The pattern is taken to go on beyond the projector's border.
+    start : float
+        Phase of step 0 at coordinate 0, radians: 0 is a cosine, -pi/2 a sine.
 
     Examples
     --------
@@ -51,6 +53,7 @@ class Fringe:
     levels: int | None = None
     grid: bool = False
     defocus: float = 0.0
+    start: float = 0.0
 
     def __post_init__(self):
         positive("pitch", self.pitch, "projector pixels")
@@ -66,11 +69,12 @@ class Fringe:
         if self.levels is not None:
             whole("levels", self.levels, 2)
         not_negative("defocus", self.defocus, "pixels")
+        finite("start", self.start)
 
     @property
     def shifts(self) -> np.ndarray:
         """Phase shifts delta_n in radians, shape (N,)."""
-        return 2 * np.pi * np.arange(self.steps) / self.steps
+        return self.start + 2 * np.pi * np.arange(self.steps) / self.steps
 
     @property
     def ideal(self) -> bool:

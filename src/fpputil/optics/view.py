@@ -10,6 +10,7 @@ import numpy as np
 
 from fpputil.checks import not_negative, positive, seeded
 from fpputil.optics.fringes import WHITE, Fringe
+from fpputil.optics.graycode import GrayCode
 
 CACHED = 2**17  # pixels of several steps, if they are few, are worked on together
 
@@ -55,7 +56,7 @@ class View:
 
     def frames(
         self,
-        fringes: Fringe | Iterable[Fringe],
+        fringes: Fringe | GrayCode | Iterable[Fringe | GrayCode],
         noise: float = 0.0,
         seed: int | None = None,
         *,
@@ -72,7 +73,7 @@ class View:
         >>> view.frames(Fringe(912, steps=4))[:, 0, 0].tolist()
         [255, 128, 0, 128]
         """
-        fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
+        fringes = (fringes,) if isinstance(fringes, Fringe | GrayCode) else tuple(fringes)
         if not fringes:
             raise ValueError("no fringe given; a photograph needs at least one pattern")
         for fringe in fringes if steps is not None else ():

@@ -136,6 +136,10 @@ def check(pinhole: Pinhole, fringes: Iterable[Fringe] = ()) -> None:
                 f"defocus {fringe.defocus} given; Blender's projector is always sharp, the ray "
                 "caster's blurs"
             )
+        if fringe.start:
+            raise ValueError(
+                f"start {fringe.start} given; Blender's projector shows cosines, the ray caster any"
+            )
     if pinhole.distortion.any():
         raise ValueError(
             f"a projector with distortion {pinhole.distortion.tolist()} given; Blender's light "

@@ -1,0 +1,181 @@
+"""Photographs of a Gray code to the cells it numbers, and to orders of fringes (chapter 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations, pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from fpputil.capture.gamma import linearise
+from fpputil.capture.photographs import Capture
+from fpputil.capture.quality import Fit, Noise
+from fpputil.decoding.gray import Cells, gray_index, gray_order, read_cells
+from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order
+from fpputil.optics.fringes import Fringe
+from fpputil.optics.graycode import GrayCode
+
+LINES = 64  # of the picture, in which faults of the code are looked for
+APART = 2  # pixels, of the neighbours that are compared, so that an edge may lie between
+LEAST = 50  # neighbours that tell something
+FINEST = 2  # bits of a code alone, for which the camera may be too coarse
+FAR = 8  # periods, or pairs of cells, above which it does not matter how far two neighbours part
+ROUGH = 0.03  # of these, that neighbours may part by in the mean
+BETTER = 0.6  # times as much, by which another reading of the bits is the likely one
+
+
+class Reading(NamedTuple):
+    """A Gray code as photographed.
+
+    `code` and its `cells`; `words`, (bits, H, W), what each bit seems to be; `average` and
+    `contrast`, (H, W), the mean of white and black, and half their difference, grey levels of 255.
+    """
+
+    code: GrayCode
+    cells: Cells
+    words: np.ndarray
+    average: np.ndarray
+    contrast: np.ndarray
+
+
+def read_code(
+    capture: Capture, axis: str, noise: Noise, gamma: float = 1.0, fringe: Fit | None = None
+) -> Reading:
+    """Read the Gray code along an axis. Chapter 12.
+
+    A bit is told from its negative, if that was shown; else by the average of a fringe, or by the
+    mean of the photographs in white and in black.
+
+    Raises
+    ------
+    ValueError
+        If there is none of these.
+    """
+    number, code = capture.patterns.code(axis)
+    frames = linearise(capture.frames(number), gamma, capture.full)
+    if code.inverse:
+        white, black = frames[0::2], frames[1::2]
+        signed, scale = (white - black) / 2, 0.5
+        average, contrast = (white[0] + black[0]) / 2, np.abs(signed).max(axis=0)
+    elif fringe is not None:
+        average, contrast, scale = (
+            fringe.average,
+            fringe.modulation,
+            4 / 3,
+        )  # a mean of three or more
+        signed = frames - average
+    elif len(capture.of(-1)) == 2:
+        white, black = linearise(capture.frames(-1), gamma, capture.full)
+        average, contrast, scale = (white + black) / 2, (white - black) / 2, 3 / 2
+        if np.median(contrast[np.abs(contrast) >= np.median(np.abs(contrast))]) < 0:
+            names = " and ".join(shot.file for shot in capture.of(-1))
+            raise ValueError(f"{capture.folder}: {names} seem to be exchanged: white is the darker")
+        signed = frames - average
+    else:
+        raise ValueError(
+            f"{capture.folder} has a Gray code alone; its threshold needs photographs in plain "
+            "light and in none (white and black), or each picture's negative (inverse)"
+        )
+    cells = read_cells(signed, contrast, np.sqrt(scale * noise.variance(average)))
+    return Reading(code, cells, signed > 0, average, contrast)
+
+
+def unwrap_by_code(
+    phis: Sequence[np.ndarray], fringes: Sequence[Fringe], reading: Reading, sigma: np.ndarray
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Absolute phases of fringes, pitches descending, and where the first order is sure.
+
+    `sigma`, (H, W), radians, is the noise of the first wrapped phase.
+    """
+    K, sure, _ = gray_order(phis[0], reading.cells, reading.code, fringes[0].pitch, sigma)
+    Phis = [absolute_phase(phis[0], K).astype(np.float32)]
+    for phi, (longer, fringe) in zip(phis[1:], pairwise(fringes), strict=True):
+        K = fringe_order(phi, Phis[-1], longer.pitch / fringe.pitch)
+        Phis.append(absolute_phase(phi, K))
+    return Phis, sure
+
+
+def check_code(code: GrayCode, pitches: Sequence[float], width: int) -> None:
+    """ValueError unless a code numbers the projector, in cells of at most a period."""
+    if code.edge(2**code.bits) < width - 0.5:
+        raise ValueError(
+            f"a Gray code of {code.bits} bits in cells of {code.cell:g} given; it numbers "
+            f"{code.edge(2**code.bits) + 0.5:g} pixels, and the projector has {width}"
+        )
+    if pitches and code.cell > pitches[0] * (1 + 1e-9):
+        raise ValueError(
+            f"cells of {code.cell:g} of a Gray code and pitch {pitches[0]:g} given; a cell is at "
+            "most a period, or its order is ambiguous"
+        )
+
+
+def code_offset(reading: Reading, phi, fringe: Fringe, good) -> complex:
+    """Circular mean of by how much the phase misses the code's edges, periods; 0 if none is seen.
+
+    Between two neighbours of which one lies in the next cell, the phase is that of the edge.
+    """
+    along = 1 if fringe.axis == "column" else 0
+    phi, index, good = (np.moveaxis(a, along, 1) for a in (phi, reading.cells.index, good))
+    edge = (np.abs(np.diff(index)) == 1) & good[:, 1:] & good[:, :-1]
+    later = np.maximum(index[:, 1:], index[:, :-1])[edge]
+    middle = np.angle(np.exp(1j * phi[:, 1:][edge]) + np.exp(1j * phi[:, :-1][edge]))
+    turns = np.exp(1j * (middle - fringe.phase(reading.code.edge(later))))
+    return turns.mean() if turns.size >= 20 else 0j
+
+
+def code_fault(reading: Reading, phi, pitch: float, axis: str, lit) -> tuple[str, str] | None:
+    """How else the bits should be read: a key and the numbers of bits, None if they are right.
+
+    Under the right reading the column hardly changes from pixel to pixel. `phi`, (H, W), is the
+    wrapped phase of the fringe whose order the code tells, and `pitch` its pitch; None of a code
+    alone.
+    """
+    maps = [lit & (reading.cells.edge < 0), *reading.words, *([] if phi is None else [phi])]
+    maps = [np.moveaxis(m, 1 if axis == "column" else 0, 1) for m in maps]
+    certain, *maps = (m[:: max(1, m.shape[0] // LINES)] for m in maps)
+    bits = len(reading.words)
+    words, phi = np.stack(maps[: bits if len(maps) > bits else bits - FINEST]), maps[bits:]
+    changed = (words[:, :, APART:] != words[:, :, :-APART]).any(axis=0)
+    pairs = certain[:, APART:] & certain[:, :-APART] & changed
+    if pairs.sum() < LEAST:
+        return None
+    if phi:  # whole turns of the phase between two of a pair, by the slope of all
+        one = np.exp(1j * np.diff(phi[0])) * (certain[:, 1:] & certain[:, :-1])
+        turns = np.round((_apart(phi[0])[pairs] - APART * np.angle(one.sum())) / TWO_PI)
+
+    def jumps(index) -> float:
+        """By how many periods, or pairs of cells, the columns of the pairs part in the mean."""
+        if phi:
+            cells = Cells(index, np.full(index.shape, -1), np.zeros(index.shape, int))
+            K, *_ = gray_order(phi[0], cells, reading.code, pitch)
+            step = _apart(K)[pairs] + turns
+        else:
+            step = _apart(index / 2)[pairs]
+            step = np.round(step - np.median(step))
+        return float(np.minimum(np.abs(step), FAR).mean())
+
+    now = jumps(gray_index(words))
+    others = {what: jumps(index) for what, index in _readings(words)}
+    best = min(others, key=others.get)
+    return best if now > ROUGH and others[best] < BETTER * now else None
+
+
+def _apart(values):
+    return values[:, APART:] - values[:, :-APART]
+
+
+def _readings(words) -> Iterator[tuple[tuple[str, str], np.ndarray]]:
+    """Other readings of bits, each with its name."""
+    bits = len(words)
+    yield ("inverted", "all"), gray_index(~words)
+    yield ("backwards", ""), gray_index(words[::-1])
+    yield ("binary", ""), np.tensordot(2 ** np.arange(bits)[::-1], words, axes=1)
+    for a, b in combinations(range(bits), 2):
+        order = list(range(bits))
+        order[a], order[b] = b, a
+        yield ("bits", f"{a} and {b}"), gray_index(words[order])
+    for a in range(bits):
+        turned = words.copy()
+        turned[a] = ~turned[a]
+        yield ("inverted", str(a)), gray_index(turned)
