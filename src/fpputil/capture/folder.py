@@ -13,7 +13,7 @@ import tifffile
 from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
-from fpputil.capture.diagnosis import Finding, diagnose
+from fpputil.capture.diagnosis import Finding, diagnose, of_files
 from fpputil.capture.measurement import Measurement, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
@@ -51,6 +51,7 @@ def decode_folder(
     *,
     patterns: Patterns | None = None,
     full: float | None = None,
+    channel: str = "grey",
     accept: bool = False,
     report: bool = True,
     pictures: bool = True,
@@ -70,7 +71,7 @@ def decode_folder(
         Photographs, and a new folder; by default ``FOLDER-decoded``.
     system : System, optional
         For points and depths, and the minimum phase.
-    patterns, full, **how
+    patterns, full, channel, **how
         As of `open_capture`; threshold, gamma and noise as of `measure`.
     accept, report, pictures, force, progress : bool
         Write phases although they are wrong; write ``report.html``; write TIFF files; take the
@@ -98,10 +99,10 @@ def decode_folder(
     (True, (120, 160, 3))
     """
     start, folder = time.perf_counter(), Path(folder)
-    capture = open_capture(folder, patterns, full)
+    capture = open_capture(folder, patterns, full, channel)
     if system is not None:
         check_size(system, capture.size)
-    folder = folder if folder.name else folder.absolute()  # "." has no name
+    folder = Path(os.path.abspath(folder))  # "." and ".." have no names
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     with folder_whole(out, "fpp decode", force, [folder]) as partial:
         axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)
@@ -110,6 +111,7 @@ def decode_folder(
             how |= {"system": system, "each": bar.update}
             measurements = tuple(measure(capture, axis, **how) for axis in axes)
         findings = tuple(f for one in measurements for f in diagnose(one, capture))
+        findings += tuple(of_files(capture))
         decoded = accept or not any(f.severe for f in findings)
         points = depth = None
         summary = {
@@ -139,7 +141,8 @@ def decode_folder(
 
             name = os.fsencode(folder.name).decode(errors="backslashreplace")  # in any locale
             html = page(f"Decoding of {name}", measurements, findings, depth)
-            (partial / "report.html").write_text(html, encoding="utf-8")
+            data = html.encode("utf-8", "backslashreplace")  # of names that are not UTF-8
+            (partial / "report.html").write_bytes(data)
         summary["seconds"] = round(time.perf_counter() - start, 2)
         text = json.dumps(summary, indent=1) + "\n"
         (partial / "summary.json").write_text(text, encoding="utf-8")

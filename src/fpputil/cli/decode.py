@@ -9,7 +9,18 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from fpputil import capture, optics
-from fpputil.cli.options import FRINGES, Force, Fringes, Json, Size, given, option
+from fpputil.cli.options import (
+    FRINGES,
+    SEVERAL,
+    Channel,
+    Force,
+    Fringes,
+    Full,
+    Json,
+    Size,
+    given,
+    option,
+)
 
 YES = {"negative_bool": "no-", "negative": None}
 
@@ -21,7 +32,12 @@ class Files:
 
     patterns: Annotated[Path | None, option("A pattern file elsewhere.")] = None
     files: Annotated[
-        str | None, option("Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.")
+        list[str] | None,
+        option(
+            "Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time; one name for "
+            "each pitch, as 'long/*.png'; or all names. A TIFF or NPY file may hold many.",
+            **SEVERAL,
+        ),
     ] = None
     projector: Annotated[Size, option("Pixels.")] = (912, 1140)
     first: Annotated[int, option("Number of the first step in a name.")] = 0
@@ -44,7 +60,8 @@ def decode(
     ] = "auto",
     threshold: Annotated[float, option("Least modulation, grey levels of 255.")] = 8.0,
     noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
-    full: Annotated[float | None, option("Saturated grey level (default 255 or 65535).")] = None,
+    full: Full = None,
+    channel: Channel = "grey",
     accept: Annotated[bool, option("Write phases all the same.")] = False,
     report: Annotated[bool, option("Write report.html.", **YES)] = True,
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
@@ -67,6 +84,7 @@ def decode(
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
+    how["channel"] = channel
     decoded = capture.decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
         print(jsons.dumps(decoded.summary))
@@ -89,7 +107,7 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
     if names.patterns is not None and names.files is not None:
         raise ValueError("--patterns and --files given; one of them names the photographs")
     if names.files is not None:
-        options = given(names)
+        options = {k: _composed(v) for k, v in given(names).items()}
         return fringes.patterns(options.pop("projector"), **options)
     if beside := given(replace(fringes, shift=None)):
         reason = "a pattern file tells it, or --files and all the others do"
@@ -98,6 +116,15 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
         of_folder(folder) if names.patterns is None else capture.Patterns.load(names.patterns)
     )
     return patterns if fringes.shift is None else replace(patterns, shift=fringes.shift)
+
+
+def _composed(value):
+    """Names in whatever encoding the terminal has."""
+    from fpputil.capture.patterns import composed
+
+    if isinstance(value, list):
+        return [composed(name) for name in value]
+    return composed(value) if isinstance(value, str) else value
 
 
 def _print(decoded, system) -> None:

@@ -29,6 +29,12 @@ Out = Annotated[Path, option("New folder.")]
 Force = Annotated[bool, option("Replace earlier results.")]
 Json = Annotated[bool, option("Print one JSON object.")]
 System = Annotated[str, option("tiny, small, paper, or a file: .json, .yml, .yaml.")]
+Full = Annotated[
+    float | None, option("Saturated grey level (default 255, or by the greatest level there is).")
+]
+Channel = Annotated[
+    Literal["grey", "red", "green", "blue"], option("Of photographs in colour, which one.")
+]
 Square = Annotated[float, option("Distance of the board's points, mm.")]
 Kind = Annotated[str, option("Of the board: chessboard (inner corners), charuco or circles.")]
 Data = Annotated[Path, option("The dataset.")]
