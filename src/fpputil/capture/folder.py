@@ -150,7 +150,13 @@ def decode_folder(
 
 
 def board_pose(
-    folder: str | Path, patterns: Patterns | None = None
+    folder: str | Path,
+    patterns: Patterns | None = None,
+    *,
+    full: float | None = None,
+    channel: str = "grey",
+    accept: bool = False,
+    **how,
 ) -> tuple[Pose, tuple[int, int]]:
     """A calibration board as the photographs of one folder show it. Chapter 12.
 
@@ -158,6 +164,10 @@ def board_pose(
     ----------
     folder, patterns
         As of `open_capture`, of fringes along columns and rows on one pose of the board.
+    full, channel, **how
+        As of `open_capture`; threshold, gamma and noise as of `measure`.
+    accept : bool
+        Take the pose although a finding is severe.
 
     Returns
     -------
@@ -169,14 +179,15 @@ def board_pose(
     ValueError
         If the fringes do not run along both axes, or a finding is severe.
     """
-    capture = open_capture(folder, patterns)
+    capture = open_capture(folder, patterns, full, channel)
     if set(capture.patterns.axes) != {"column", "row"}:
         raise ValueError(
             f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
             "columns and rows (`fpp patterns --axis both`)"
         )
-    across, down = (measure(capture, axis) for axis in ("column", "row"))
-    if severe := [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]:
+    across, down = (measure(capture, axis, **how) for axis in ("column", "row"))
+    severe = [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]
+    if severe and not accept:
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)

@@ -16,8 +16,11 @@ from fpputil.cli.options import (
     Force,
     Fringes,
     Full,
+    Gamma,
     Json,
+    Noise,
     Size,
+    Threshold,
     given,
     option,
 )
@@ -34,8 +37,8 @@ class Files:
     files: Annotated[
         list[str] | None,
         option(
-            "Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time; one name for "
-            "each pitch, as 'long/*.png'; or all names. A TIFF or NPY file may hold many.",
+            "Names, as `{axis}-{pitch}-{step:02}.png`, or `*.png` in order of time; one name for "
+            "each pitch, as `long/*.png`; or all names. A TIFF or NPY file may hold many.",
             **SEVERAL,
         ),
     ] = None
@@ -55,11 +58,9 @@ def decode(
     *,
     out: Annotated[Path | None, option("New folder (default FOLDER-decoded).")] = None,
     system: Annotated[str | None, option("For millimetres: tiny, small, paper or a file.")] = None,
-    gamma: Annotated[
-        str, option("Exponent of the response, taken back; auto: where a pitch has under 5 steps.")
-    ] = "auto",
-    threshold: Annotated[float, option("Least modulation, grey levels of 255.")] = 8.0,
-    noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
+    gamma: Gamma = "auto",
+    threshold: Threshold = 8.0,
+    noise: Noise = None,
     full: Full = None,
     channel: Channel = "grey",
     accept: Annotated[bool, option("Write phases all the same.")] = False,
@@ -77,9 +78,7 @@ def decode(
     shift, swapped or missing photographs, a saturated projector ...), only report and summary are
     written, and the exit code is 1.
     """
-    from fpputil.checks import positive
-
-    exponent = None if gamma == "auto" else positive("gamma", _number(gamma))
+    exponent = _exponent(gamma)
     rig = None if system is None else optics.load_system(system)
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
@@ -93,11 +92,16 @@ def decode(
     return 0 if decoded.summary["decoded"] else 1
 
 
-def _number(text: str) -> float:
+def _exponent(gamma: str) -> float | None:
+    from fpputil.checks import positive
+
+    if gamma == "auto":
+        return None
     try:
-        return float(text)
+        number = float(gamma)
     except ValueError:
-        raise ValueError(f"gamma {text!r} given; a positive number or auto is needed") from None
+        raise ValueError(f"gamma {gamma!r} given; a positive number or auto is needed") from None
+    return positive("gamma", number)
 
 
 def _patterns(folder: Path, names: Files, fringes: Fringes):
