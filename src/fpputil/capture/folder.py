@@ -17,9 +17,13 @@ from fpputil.capture.diagnosis import Finding, diagnose, of_files
 from fpputil.capture.measurement import Measurement, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
+from fpputil.decoding.pointcloud import clean_points, save_ply, surface, typical_edge
 from fpputil.decoding.triangulation import depth_of
 from fpputil.files import folder_whole
 from fpputil.optics.system import System
+
+SPECK = 25  # pixels of a part of the picture that is left out of the points if it has fewer
+BRIDGE = 8.0  # times the usual edge of a triangle, above which one bridges a step in depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,10 @@ def decode_folder(
     accept: bool = False,
     report: bool = True,
     pictures: bool = True,
+    mesh: bool = False,
+    min_area: int = SPECK,
+    lone: float | None = None,
+    max_sigma: float | None = None,
     force: bool = False,
     progress: bool = False,
     **how,
@@ -73,9 +81,11 @@ def decode_folder(
         For points and depths, and the minimum phase.
     patterns, full, channel, **how
         As of `open_capture`; threshold, gamma and noise as of `measure`.
-    accept, report, pictures, force, progress : bool
-        Write phases although they are wrong; write ``report.html``; write TIFF files; take the
-        place of an earlier decoding; show a bar in a terminal.
+    accept, report, pictures, mesh, force, progress : bool
+        Write phases although they are wrong; write ``report.html``; write TIFF files; write
+        ``mesh.ply``; take the place of an earlier decoding; show a bar in a terminal.
+    min_area, lone, max_sigma
+        Of the points, as of `clean_points`.
 
     Raises
     ------
@@ -124,12 +134,20 @@ def decode_folder(
             vertical = next((one for one in measurements if one.axis == "column"), None)
             if system is not None and vertical is not None:
                 points = vertical.points(system)
+                sigma = vertical.depth_sigma(depth_of(points, system), system)
+                limits = {"max_sigma": max_sigma, "lone": lone, "min_area": min_area}
+                points, summary["removed"] = clean_points(points, sigma, **limits)
+                if not np.isfinite(points).any() and any(summary["removed"].values()):
+                    lost = ", ".join(f"{n} {why}" for why, n in summary["removed"].items())
+                    raise ValueError(f"no point is left: {lost}; give min_area or another limit")
                 depth = depth_of(points, system)
-                sigma = vertical.depth_sigma(depth, system)
                 colours = capture.colours()
                 if colours is None:  # the average of the fringes stands in
                     colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
+                if mesh:
+                    longest = BRIDGE * typical_edge(points)
+                    save_ply(partial / "mesh.ply", surface(points, longest, colours))
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
             np.savez(partial / "decoded.npz", **arrays)
             for key, values in arrays.items() if pictures else ():

@@ -52,6 +52,27 @@ class Files:
 FILES = Files()
 
 
+@Parameter(name="*", group="Points")
+@dataclass(frozen=True)
+class Cloud:
+    """Which points are written, and as what."""
+
+    min_area: Annotated[
+        int, option("Pixels; smaller parts of the picture are specks and left out, 0: none.")
+    ] = 25
+    max_sigma: Annotated[
+        float | None, option("Leave out points whose depth is less certain than this, mm.")
+    ] = None
+    lone: Annotated[
+        float | None,
+        option("Leave out points so many standard deviations farther from their neighbours, as 3."),
+    ] = None
+    mesh: Annotated[bool, option("Write mesh.ply, triangles with normals.")] = False
+
+
+CLOUD = Cloud()
+
+
 def decode(
     folder: Annotated[Path, option("Of the photographs.")],
     /,
@@ -68,6 +89,7 @@ def decode(
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
     force: Force = False,
     json: Json = False,
+    cloud: Cloud = CLOUD,
     names: Files = FILES,
     fringes: Fringes = FRINGES,
 ) -> int:
@@ -80,10 +102,13 @@ def decode(
     """
     exponent = _exponent(gamma)
     rig = None if system is None else optics.load_system(system)
+    if rig is None and cloud != CLOUD:
+        name = next(k for k, v in vars(cloud).items() if v != getattr(CLOUD, k))
+        raise ValueError(f"--{name.replace('_', '-')} without --system given; points need one")
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
-    how["channel"] = channel
+    how |= {"channel": channel, **vars(cloud)}
     decoded = capture.decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
         print(jsons.dumps(decoded.summary))
@@ -140,7 +165,9 @@ def _print(decoded, system) -> None:
         kind = "error" if finding.severe else "note"
         print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)
     if "points" in summary:
-        print(f"{summary['points']} points in {decoded.out / 'points.ply'}")
+        lost = ", ".join(f"{n} {why}" for why, n in summary["removed"].items() if n)
+        left = f" ({lost} left out)" if lost else ""
+        print(f"{summary['points']} points in {decoded.out / 'points.ply'}{left}")
     elif system is None:
         print("no --system given: phases, but no depth and no points")
     if not summary["decoded"]:
