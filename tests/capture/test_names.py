@@ -173,6 +173,17 @@ def test_a_pattern_file_of_an_editor_that_marks_utf_8(folder):
     assert decoded(folder)
 
 
+def test_photographs_whose_names_are_not_utf_8(folder):
+    for shot in PATTERNS.shots():
+        name = b"caf\xe9 %d-%d.png" % (shot.fringe, shot.step)
+        (folder / shot.file).rename(folder / os.fsdecode(name))
+    assert decoded(folder, replace(PATTERNS, files="*.png"))
+    first, second = (folder / os.fsdecode(b"caf\xe9 2-%d.png" % n) for n in (0, 2))
+    second.write_bytes(first.read_bytes())  # one photograph twice
+    result = decode_folder(folder, patterns=replace(PATTERNS, files="*.png"), force=True)
+    assert (result.out / "report.html").is_file()
+
+
 SCRIPTS = ["Grüße", "相机 标定", "камера", "صور"]
 CHECK = """
 import io, sys, warnings

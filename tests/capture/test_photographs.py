@@ -121,7 +121,7 @@ def test_missing_and_differing_photographs_are_named(folder):
 
 @pytest.mark.slow
 @settings(max_examples=1500, deadline=None)
-@given(st.sampled_from(["png", "bmp", "tif", "npy"]), st.data())
+@given(st.sampled_from(["png", "bmp", "tif", "npy", "pgm", "jpg"]), st.data())
 def test_any_bytes_are_read_or_refused(tmp_path_factory, suffix, data):
     path = tmp_path_factory.getbasetemp() / f"fuzz.{suffix}"
     np.save(path, GREY) if suffix == "npy" else cv2.imwrite(str(path), GREY)
