@@ -24,7 +24,7 @@ STACKS = (".tif", ".tiff", ".npy")  # of which one file may hold many photograph
 SUFFIXES = (".png", ".bmp", ".pgm", ".ppm", ".pnm", *STACKS, *LOSSY)
 READ = ", ".join(suffix[1:] for suffix in SUFFIXES)
 CHANNELS = ("grey", "red", "green", "blue")
-LUMA = np.array([77, 150, 29], np.float32) / 256  # of ITU-R BT.601; their sum is exactly 1
+LUMA = np.array([4899, 9617, 1868]) / 2**14  # of red, green, blue, as OpenCV's; the sum is 1
 DEPTHS = (8, 10, 12, 14, 16)  # bits that cameras have
 
 # What is wrong with a file is told by an error, and only once.
@@ -147,12 +147,13 @@ def grey(image: np.ndarray, channel: str = "grey") -> np.ndarray:
     """(H, W) of a photograph, in which colours become float32, not rounded to whole levels.
 
     >>> grey(np.array([[(200, 0, 0)]], np.uint8)).round(3), grey(np.ones((2, 2, 3)), "red").shape
-    (array([[60.156]], dtype=float32), (2, 2))
+    (array([[59.802]], dtype=float32), (2, 2))
     """
     if image.ndim == 2:
         return image
-    if channel == "grey":
-        return image @ LUMA
+    if channel == "grey":  # exactly, so that white stays white
+        exact = LUMA.astype(np.float32) if image.dtype == np.uint8 else LUMA
+        return (image @ exact).astype(np.float32, copy=False)
     return np.ascontiguousarray(image[..., CHANNELS.index(channel) - 1])
 
 
