@@ -107,3 +107,26 @@ def test_json_says_what_came_out(poses, capsys):
     calibrated(poses, *BOARD, *MM, "--json")
     about = json.loads(capsys.readouterr().out)
     assert max(about["camera_errors"].values()) < 0.3 and about["rejected"] == {}
+
+
+def test_the_board_that_is_there_is_proposed(refused, poses):
+    wrong = ["--board", "9x7", *MM]
+    error = refused("calibrate", poses, poses / "s.json", *wrong)
+    assert "it looks like --kind chessboard --board 8x6" in error
+
+
+OTHERS = {
+    "asymmetric circles": "--board 4x7 --kind asymmetric --square 26",
+    "legacy ChArUco": "--board 7x5 --kind charuco --square 30 --dictionary 5x5_100 --legacy",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("board", OTHERS.values(), ids=OTHERS)
+def test_boards_of_other_makers_calibrate(rendered, tmp_path, board):
+    board = board.split()
+    pattern = ["--patterns", str(rendered.parent / "p/patterns.toml"), "--system", "small"]
+    out = str(tmp_path / "poses")
+    assert main(["render", out, *pattern, *board, "--poses", "4"]) == 0
+    lenses = ["--lens", "0", "--projector-lens", "0", "--range", "480", "820"]
+    calibrated(tmp_path / "poses", *board, *lenses)
