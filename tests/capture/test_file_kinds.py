@@ -91,7 +91,9 @@ def test_levels_are_recognised_and_said(tmp_path, frames, columns, suffix, chang
 def test_a_dim_capture_of_all_bits_is_not_taken_for_fewer():
     dim = RNG.integers(0, 20_000, (20, 20)).astype(np.uint16) | 1
     assert levels_of([dim // 2**14, dim]).full == 65535
-    assert levels_of([np.zeros((3, 3), np.uint16)]).full == 1
+    assert levels_of([np.zeros((3, 3), np.uint16)]) == (0, 255, "")
+    sharpened = np.array([[-3.0, 262.0]])
+    assert levels_of([sharpened]) == (262, 255, "") and levels_of([4 * sharpened]).full == 1023
 
 
 STACKS = {

@@ -26,6 +26,7 @@ READ = ", ".join(suffix[1:] for suffix in SUFFIXES)
 CHANNELS = ("grey", "red", "green", "blue")
 LUMA = np.array([4899, 9617, 1868]) / 2**14  # of red, green, blue, as OpenCV's; the sum is 1
 DEPTHS = (8, 10, 12, 14, 16)  # bits that cameras have
+OVERSHOOT = 1.1  # of floats above full scale, by sharpening or by a change of the lens
 
 # What is wrong with a file is told by an error, and only once.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
@@ -64,7 +65,9 @@ def levels_of(images: Iterable[np.ndarray]) -> Levels:
             bits |= int(np.bitwise_or.reduce(image, axis=None))
             if bits & 1 and most >= 1 << 14:
                 return Levels(most, 65535.0, "")
-    if bits == 0:  # floats, or black
+    if most <= 0:  # black tells nothing
+        return Levels(most, WHITE, "")
+    if bits == 0:
         return _of_floats(most)
     low, depth = (bits & -bits).bit_length() - 1, next(d for d in DEPTHS if most < 1 << d)
     if depth < 16:
@@ -75,9 +78,9 @@ def levels_of(images: Iterable[np.ndarray]) -> Levels:
 
 
 def _of_floats(most: float) -> Levels:
-    if most <= 1.5:  # a little above 1 by sharpening; of 255 levels it would be black
+    if most <= 1.5:  # of 255 levels it would be black
         return Levels(most, 1.0, "floats from 0 to 1")
-    depth = next((d for d in DEPTHS if most < 1 << d), 16)
+    depth = next((d for d in DEPTHS if most < OVERSHOOT * 2**d), 16)
     return Levels(most, 2.0**depth - 1, f"floats of {depth} bit" if depth > 8 else "")
 
 
