@@ -113,7 +113,7 @@ def test_files_stand_with_their_fringe_in_a_pattern_file(folder):
     "files, said",
     [
         (["a*", "b*"], "2 files given; one name for all, or for each of the 3 fringes"),
-        (["a*", "b*", ["c0", "c1"]], "2 files of pitch 12 given; it has 4 steps"),
+        (["a*", "b*", ["c0", "c1"]], "2 files of fringe 3 given; it has 4 steps"),
         (["a*", "b*", "/c*"], "names in the folder, or in one inside it"),
         (["a*", "b*", "..\\c*"], "names in the folder, or in one inside it"),
         (["a*", "b*", 3], "names in the folder, or in one inside it"),
@@ -127,7 +127,9 @@ def test_files_that_cannot_be(files, said):
 
 def test_a_star_of_a_fringe_that_finds_another_number_is_named(folder):
     patterns = replace(PATTERNS, files=["48-*", "24-*", "*"])
-    with pytest.raises(ValueError, match=r"12 files match '\*'; pitch 12 .* has 4 steps"):
+    with pytest.raises(
+        ValueError, match=r"12 files match '\*'; fringe 3, along the columns, has 4 steps"
+    ):
         open_capture(folder, patterns)
 
 

@@ -16,7 +16,7 @@ from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Reason
+from fpputil.capture.quality import FEW, Reason
 from fpputil.decoding import phase
 
 FINDINGS = {
@@ -67,16 +67,6 @@ FINDINGS = {
         "the order is a guess at {share:.0%} of the lit pixels",
         "take more steps at the long pitches, or a pitch between two that are far apart",
     ),
-    "dark": (
-        "{lit:.1%} of the pixels are lit, with a median modulation of {level:.0f} grey levels",
-        "expose longer, open the aperture, or darken the room",
-    ),
-    "contrast": (
-        "the modulation of the finest pitch is {contrast:.0%} of the light: the rest is noise "
-        "without use",
-        "darken the room, focus the projector and the camera on the object, or project a longer "
-        "pitch",
-    ),
     "levels": (
         "the grey levels reach {most:g}, so the photographs are taken for {said}, saturated at "
         "{full:g}",
@@ -94,6 +84,16 @@ FINDINGS = {
     "overflow": (
         "the {channel} channel is saturated at {share:.0%} of the lit pixels, which grey hides",
         "expose less, or give --channel with another one",
+    ),
+    "dark": (
+        "{lit:.1%} of the pixels are lit, with a median modulation of {level:.0f} grey levels",
+        "expose longer, open the aperture, or darken the room",
+    ),
+    "contrast": (
+        "the modulation of the finest pitch is {contrast:.0%} of the light: the rest is noise "
+        "without use",
+        "darken the room, focus the projector and the camera on the object, or project a longer "
+        "pitch",
     ),
     "noise": (
         "so few steps do not tell the noise, nor whether the response is linear; the uncertainty "
@@ -125,7 +125,6 @@ SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
 ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
 STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
 STRONG = 400  # pixels at which photographs are compared
-FEW = 4  # rows and columns, of which one is counted where a mean is enough
 ONE_COLOUR = 0.5  # of the brightest channel, under which grey is a waste of light
 
 

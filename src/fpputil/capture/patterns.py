@@ -242,11 +242,10 @@ class Patterns:
                 f"{len(self.fringes)} fringes, or for each of the {len(pairs)} photographs is "
                 "needed"
             )
-        for file, fringe in zip(files, self.fringes, strict=True):
+        for k, (file, fringe) in enumerate(zip(files, self.fringes, strict=True), 1):
             if not isinstance(file, str) and len(file) != fringe.steps:
                 raise ValueError(
-                    f"{len(file)} files of pitch {fringe.pitch:g} given; it has {fringe.steps} "
-                    "steps"
+                    f"{len(file)} files of fringe {k} given; it has {fringe.steps} steps"
                 )
         return tuple(file if isinstance(file, str) else tuple(file) for file in files)
 
@@ -265,8 +264,8 @@ class Patterns:
         matching = _matches(names, file)
         if len(matching) != fringe.steps:
             raise ValueError(
-                f"{len(matching)} files match {file!r}; pitch {fringe.pitch:g} along the "
-                f"{fringe.axis}s has {fringe.steps} steps"
+                f"{len(matching)} files match {file!r}; fringe {k + 1}, along the {fringe.axis}s, "
+                f"has {fringe.steps} steps"
             )
         return matching
 

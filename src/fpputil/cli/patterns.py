@@ -33,10 +33,11 @@ def patterns(
         for shot in shots:
             write_photograph(folder / shot.file, chosen.picture(shot))
         chosen.save(folder / NAME)
-        page = show_page([shot.file for shot in shots], projector)
+        page = show_page([shot.file for shot in shots], chosen.projector)
         (folder / "show.html").write_text(page, encoding="utf-8")
     made = {"folder": str(out), "files": [shot.file for shot in shots]}
-    pictures = f"{len(shots)} pictures of {projector[0]} x {projector[1]} and {NAME} in {out}"
+    width, height = chosen.projector
+    pictures = f"{len(shots)} pictures of {width} x {height} and {NAME} in {out}"
     tell(json, made, pictures, f"open {out / 'show.html'} in a browser on the projector")
 
 
