@@ -1,5 +1,7 @@
-"""Shared scenes: built once a run."""
+"""Shared scenes, built once a run, and a browser."""
 
+import os
+import shutil
 import signal
 
 import pytest
@@ -8,6 +10,11 @@ from fpputil.optics.fringes import fringe_set
 from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import sphere
 from fpputil.optics.system import preset
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
+FLAGS += ["--disable-background-networking", "--disable-component-update"]
+BROWSER = os.environ.get("BROWSER_PATH") or next(filter(None, map(shutil.which, NAMES)), None)
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a script: ``test &``
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -47,3 +54,13 @@ def small_set(tmp_path_factory):
     out = tmp_path_factory.mktemp("data") / "set"
     generate(out, "tiny", *seeded_models(10, 1), views=2)
     return out
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if BROWSER is None:
+        pytest.skip("no Chromium or Chrome is installed (Debian: apt install chromium)")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)

@@ -1,4 +1,4 @@
-"""The rendered book and a browser, for all tests of this folder."""
+"""The rendered book, for all tests of this folder."""
 
 import os
 import shutil
@@ -11,10 +11,6 @@ from filelock import FileLock
 
 ROOT = Path(__file__).parents[2]
 STORED = ROOT / "_build/stored"
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
-FLAGS += ["--disable-background-networking", "--disable-component-update"]
-BROWSER = os.environ.get("BROWSER_PATH") or next(filter(None, map(shutil.which, NAMES)), None)
 
 
 @pytest.fixture(scope="session")
@@ -32,13 +28,3 @@ def html(testrun_uid):
             assert result.returncode == 0, result.stderr[-5000:]
             mark.write_text(testrun_uid)
     return out
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if BROWSER is None:
-        pytest.skip("no Chromium or Chrome is installed (Debian: apt install chromium)")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)

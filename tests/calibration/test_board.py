@@ -1,5 +1,6 @@
 """Boards found in photographs whose points are known exactly."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -69,7 +70,15 @@ def test_middles_of_circles_are_not_middles_of_ellipses(posed):
     from fpputil.calibration.board import _ellipse_shift
 
     board, _, truth = posed["circles"]
-    shift = _ellipse_shift(board, truth)
+    H = cv2.findHomography(board.points[:, :2], truth)[0]
+    turns = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    rims = board.points[:, None, :2] + 6.25 * np.stack([np.cos(turns), np.sin(turns)], -1)
+    rims = [cv2.perspectiveTransform(rim[None], H)[0] for rim in rims]
+    areas = np.array([cv2.contourArea(rim.astype(np.float32)) for rim in rims])
+    shift = _ellipse_shift(board, truth, areas)
+    moments = [cv2.moments(rim.astype(np.float32)) for rim in rims]
+    middles = np.array([(m["m10"] / m["m00"], m["m01"] / m["m00"]) for m in moments])
+    np.testing.assert_allclose(shift, middles - truth, atol=0.05 * np.abs(shift).max())
     assert 0.02 < np.hypot(*shift.T).max() < 0.2
 
 

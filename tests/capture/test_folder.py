@@ -57,7 +57,7 @@ def test_photographs_written_as_arrays_are_decoded(tmp_path, sphere_view, tiny):
     arrays = replace(PATTERNS, files="{pitch}-{step}.npy")
     photograph_into(tmp_path / "shots", sphere_view, arrays, tiny.system)
     assert measure(open_capture(tmp_path / "shots")).mask.any()
-    with pytest.raises(ValueError, match="912-0 given; png, bmp, tif, tiff, npy files are read"):
+    with pytest.raises(ValueError, match="912-0 given; png, bmp, pgm, .* files are read"):
         photograph_into(tmp_path, sphere_view, replace(arrays, files="{pitch}-{step}"), tiny.system)
 
 

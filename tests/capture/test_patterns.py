@@ -99,8 +99,8 @@ def test_a_white_wall_shows_the_pictures_themselves(tiny):
         ),
         ({"order": "random"}, "order 'random' given"),
         ({"first": -1}, "first -1 given"),
-        ({"files": "../{axis}-{pitch}-{step}.png"}, "names in the folder itself"),
-        ({"white": "/etc/white.png"}, "a name in the folder itself"),
+        ({"files": "../{axis}-{pitch}-{step}.png"}, "names in the folder, or in one inside it"),
+        ({"white": "/etc/white.png"}, "a name in the folder, or none"),
         (
             {"files": "{axis}-{pitch}-{step!r}.png"},
             "{axis}, {pitch}, {step} and {number} are known",

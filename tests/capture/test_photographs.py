@@ -24,7 +24,11 @@ def folder(tmp_path):
     return tmp_path
 
 
-KINDS = [(s, t) for s in ("png", "tif", "tiff", "npy", "PNG") for t in (np.uint8, np.uint16)]
+KINDS = [
+    (suffix, dtype)
+    for suffix in ("png", "tif", "tiff", "npy", "PNG", "pgm")
+    for dtype in (np.uint8, np.uint16)
+]
 
 
 @pytest.mark.parametrize(
@@ -61,7 +65,11 @@ def test_colour_becomes_grey(tmp_path, suffix):
     colour = np.zeros((4, 5, 4), np.uint8)
     colour[..., 0], colour[..., 3] = 200, 255  # of RGB red; cv2 wants it last but one
     np.save(path, colour) if suffix == "npy" else cv2.imwrite(str(path), colour[..., [2, 1, 0, 3]])
-    np.testing.assert_array_equal(read_photograph(path), round(0.299 * 200))
+    grey = read_photograph(path)
+    assert grey.dtype == np.float32  # whole levels would double the noise of a dim photograph
+    np.testing.assert_allclose(grey, 0.299 * 200, rtol=0.01)
+    red, green = (read_photograph(path, channel) for channel in ("red", "green"))
+    assert red.dtype == np.uint8 and (red == 200).all() and not green.any()
 
 
 def test_what_is_wrong_with_a_file_is_named(tmp_path):
@@ -70,9 +78,9 @@ def test_what_is_wrong_with_a_file_is_named(tmp_path):
             read_photograph(tmp_path / name)
 
     refused("none.png", "no such photograph", FileNotFoundError)
-    (tmp_path / "a.jpg").write_bytes(b"")
-    refused("a.jpg", "png, bmp, tif, tiff, npy files are read")
-    for suffix in ("png", "bmp", "tif", "npy"):
+    (tmp_path / "a.gif").write_bytes(b"")
+    refused("a.gif", "png, bmp, pgm, ppm, pnm, tif, tiff, npy, jpg, jpeg files are read")
+    for suffix in ("png", "bmp", "tif", "npy", "pgm", "jpg"):
         path = tmp_path / f"cut.{suffix}"
         np.save(path, GREY) if suffix == "npy" else cv2.imwrite(str(path), GREY)
         path.write_bytes(path.read_bytes()[:-9])
@@ -83,7 +91,8 @@ def test_what_is_wrong_with_a_file_is_named(tmp_path):
         ("nan", np.full((3, 3), np.nan), "NaN or infinite"),
         ("int", np.zeros((3, 3), np.int64), "dtype int64"),
         ("flat", np.zeros(3, np.uint8), r"shape \(3,\)"),
-        ("deep", np.zeros((3, 3, 7), np.uint8), r"shape \(3, 3, 7\)"),
+        ("deep", np.zeros((1, 3, 3, 7), np.uint8), r"shape \(3, 3, 7\)"),
+        ("stack", np.zeros((5, 3, 7), np.uint8), "holds 5 photographs, and one is needed"),
         ("none", np.zeros((0, 3), np.uint8), r"shape \(0, 3\)"),
         ("object", np.array([[{}]], object), "is cut, or not an array of numbers"),
     ]:
@@ -112,7 +121,7 @@ def test_missing_and_differing_photographs_are_named(folder):
 
 @pytest.mark.slow
 @settings(max_examples=1500, deadline=None)
-@given(st.sampled_from(["png", "bmp", "tif", "npy"]), st.data())
+@given(st.sampled_from(["png", "bmp", "tif", "npy", "pgm", "jpg"]), st.data())
 def test_any_bytes_are_read_or_refused(tmp_path_factory, suffix, data):
     path = tmp_path_factory.getbasetemp() / f"fuzz.{suffix}"
     np.save(path, GREY) if suffix == "npy" else cv2.imwrite(str(path), GREY)

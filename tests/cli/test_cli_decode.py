@@ -136,7 +136,7 @@ def test_numbered_photographs_with_plain_ones_first(loop, tmp_path, capsys):
         (shots / f"IMG_{n}.png").rename(shots / f"IMG_{n}.jpg")
     (shots / "patterns.toml").write_text(patterns.read_text())
     assert main(["decode", str(shots), "--force"]) == 1
-    assert "JPEG (26 files here) is not" in capsys.readouterr().err
+    assert "; 26 others are there, as IMG_1000.jpg: name them" in capsys.readouterr().err
 
 
 def test_photographs_without_a_pattern_file(loop, tmp_path, capsys):

@@ -81,6 +81,24 @@ def test_every_file_format_gives_the_same(shot, frames, capsys):
     assert "points" in said and "written to out0: predicted.npz" in said
 
 
+def test_twelve_bits_and_floats_to_one_are_recognised_and_said(shot, frames, capsys):
+    for name, frame in frames.items():
+        levels = np.rint(frame * (4095 / 255)).astype(np.uint16)
+        cv2.imwrite(f"{name}.tif", levels | 1)
+        np.save(f"{name}.npy", frame / np.float32(255))
+    assert call("high.png", "low.png", out="out0") == 0
+    capsys.readouterr()
+    known = {"tif": "12 bit in files of 16 bit", "npy": "floats from 0 to 1"}
+    exact = np.load("out0/predicted.npz")["depth"]
+    for suffix, said in known.items():
+        assert call(f"high.{suffix}", f"low.{suffix}", out=suffix) == 0
+        assert f"photographs taken for {said}" in capsys.readouterr().err
+        off = np.load(f"{suffix}/predicted.npz")["depth"] - exact
+        assert np.nanmedian(np.abs(off)) < 0.2 and np.isfinite(off).sum() > 0.9 * 4000
+    assert call("high.tif", "low.tif", out="full", more=["--full", "4095"]) == 0
+    assert "photographs taken for" not in capsys.readouterr().err
+
+
 def test_swapped_photographs_are_warned_of_and_still_predicted(shot, capsys):
     assert call("low.png", "high.png", more=["--json"]) == 0
     said = capsys.readouterr()

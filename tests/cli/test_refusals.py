@@ -62,8 +62,8 @@ def test_datasets_that_cannot_be_made(options, said, refused, tmp_path, monkeypa
         ("--sphere 100 --size 50", "{step}.png", "--size given; it is for --mesh and --part"),
         ("--board 8x5 --turn 0 0", "{step}.png", "--turn given; it is for --mesh and --part"),
         ("--sphere 100 --supersample 9999", "{step}.png", "1599840 x 1199880 pixels, in all"),
-        ("--sphere 100", "{step}.jpg", "0.jpg given; png, bmp, tif, tiff, npy files are read"),
-        ("--sphere 100", "{step}", "0 given; png, bmp, tif, tiff, npy files are read"),
+        ("--sphere 100", "{step}.gif", "0.gif given; png, bmp, pgm, ppm, pnm, tif, tiff, npy"),
+        ("--sphere 100", "{step}", "0 given; png, bmp, pgm, ppm, pnm, tif, tiff, npy"),
     ],
 )
 def test_renderings_that_cannot_be_leave_no_folder(body, files, said, refused, tmp_path):

@@ -7,6 +7,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -29,6 +30,33 @@ def test_results_and_errors(workers):
         assert list(parallel.run(double, [], pool)) == []
         with pytest.raises(OSError, match="No space"):
             list(parallel.run(fail, [(1,), (2,)], pool))
+
+
+def in_script(monkeypatch, tmp_path, code, spec=None):
+    """As if a script of this code ran."""
+    (tmp_path / "script.py").write_text(code, encoding="utf-8")
+    main = SimpleNamespace(__file__=str(tmp_path / "script.py"), __spec__=spec)
+    monkeypatch.setitem(sys.modules, "__main__", main)
+
+
+def test_a_script_without_a_main_guard_is_told_so_before_a_process_starts(monkeypatch, tmp_path):
+    in_script(monkeypatch, tmp_path, "generate(workers=2)")
+    with pytest.raises(RuntimeError, match=r'script.py starts .*if __name__ == "__main__":'):
+        with parallel.executor(2):
+            raise AssertionError
+    with parallel.executor(1) as pool:
+        assert pool is None
+
+
+@pytest.mark.parametrize(
+    "code, name", [('if __name__ == "__main__":\n    run()', None), ("run()", "package.__main__")]
+)
+def test_what_a_new_process_does_not_run_again_may_start_processes(
+    monkeypatch, tmp_path, code, name
+):
+    in_script(monkeypatch, tmp_path, code, name and SimpleNamespace(name=name))
+    with parallel.executor(2) as pool:
+        assert pool is not None
 
 
 def test_any_executor_will_do():

@@ -14,10 +14,11 @@ import numpy as np
 
 from fpputil.capture.coding import code_fault
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
+from fpputil.capture.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Reason, start_offsets
+from fpputil.capture.quality import FEW, Reason, start_offsets
 from fpputil.decoding import phase, unwrap
 
 FINDINGS = {
@@ -87,6 +88,24 @@ FINDINGS = {
         "take more steps at the long pitches, a pitch between two that are far apart, or a "
         "complementary Gray code",
     ),
+    "levels": (
+        "the grey levels reach {most:g}, so the photographs are taken for {said}, saturated at "
+        "{full:g}",
+        "give --full if the camera has other levels",
+    ),
+    "jpeg": (
+        "{number} photographs are JPEG files: their compression adds noise to the phase, at "
+        "quality 90 about 0.01 rad with twelve steps and 0.03 rad with three in dim light",
+        "have the camera write PNG or TIFF; else the best quality, and more steps",
+    ),
+    "channel": (
+        "the light is {channel}: grey keeps {grey:.0%} of that channel's level",
+        "give --channel {channel}",
+    ),
+    "overflow": (
+        "the {channel} channel is saturated at {share:.0%} of the lit pixels, which grey hides",
+        "expose less, or give --channel with another one",
+    ),
     "dark": (
         "{lit:.1%} of the pixels are lit, with a median modulation of {level:.0f} grey levels",
         "expose longer, open the aperture, or darken the room",
@@ -149,6 +168,7 @@ SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
 ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
 STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
 STRONG = 400  # pixels at which photographs are compared
+ONE_COLOUR = 0.5  # of the brightest channel, under which grey is a waste of light
 
 
 class Finding(NamedTuple):
@@ -189,6 +209,35 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
     findings = [finding for finding in findings if finding.code not in follow]
     return sorted(findings, key=lambda finding: not finding.severe)
+
+
+def of_files(capture: Capture) -> Iterator[Finding]:
+    """What the kind of the photographs costs: bits, compression, colours; none is severe."""
+    if capture.levels.said:
+        yield _finding("levels", **capture.levels._asdict())
+    if number := sum(shot.file.lower().endswith(LOSSY) for shot in capture.shots):
+        yield _finding("jpeg", number=number)
+    if capture.colourful:
+        yield from _colours(capture)
+
+
+def _colours(capture) -> Iterator[Finding]:
+    """Light of one colour, and channels that are saturated though their mixture is not."""
+    fringe = int(np.argmin([f.steps for f in capture.patterns.fringes]))
+    frames = np.stack(capture.photographs(fringe)).astype(np.float32)[:, ::FEW, ::FEW]
+    high, swing = frames.max(axis=0), np.ptp(frames, axis=0)
+    lit = (swing > 2 * phase.THRESHOLD / capture.scale).any(axis=-1)
+    if not lit.any():
+        return
+    strength = swing[lit].mean(axis=0)
+    brightest = int(np.argmax(strength))
+    share = float(grey(strength[None, None])[0, 0] / strength[brightest])
+    if capture.channel == "grey" and share < ONE_COLOUR:
+        yield _finding("channel", channel=CHANNELS[brightest + 1], grey=share)
+    clipped = (high[lit] >= capture.full).mean(axis=0)
+    worst = int(np.argmax(clipped))
+    if capture.channel == "grey" and clipped[worst] > SHARE:
+        yield _finding("overflow", channel=CHANNELS[worst + 1], share=clipped[worst])
 
 
 def _finding(code: str, severe: bool | None = None, **values) -> Finding:

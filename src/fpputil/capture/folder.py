@@ -13,7 +13,7 @@ import tifffile
 from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
-from fpputil.capture.diagnosis import Finding, diagnose
+from fpputil.capture.diagnosis import Finding, diagnose, of_files
 from fpputil.capture.measurement import Measurement, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
@@ -24,9 +24,13 @@ from fpputil.capture.relief import (
     remove_ground,
     save_relief,
 )
+from fpputil.decoding.pointcloud import clean_points, save_ply, surface, typical_edge
 from fpputil.decoding.triangulation import depth_of
 from fpputil.files import folder_whole
 from fpputil.optics.system import System
+
+SPECK = 25  # pixels of a part of the picture that is left out of the points if it has fewer
+BRIDGE = 8.0  # times the usual edge of a triangle, above which one bridges a step in depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +62,16 @@ def decode_folder(
     *,
     patterns: Patterns | None = None,
     full: float | None = None,
+    channel: str = "grey",
     accept: bool = False,
     reference: str | Path | None = None,
     relief: str | None = None,
     report: bool = True,
     pictures: bool = True,
+    mesh: bool = False,
+    min_area: int = SPECK,
+    lone: float | None = None,
+    max_sigma: float | None = None,
     force: bool = False,
     progress: bool = False,
     **how,
@@ -79,16 +88,18 @@ def decode_folder(
         Photographs, and a new folder; by default ``FOLDER-decoded``.
     system : System, optional
         For points and depths, and the minimum phase.
-    patterns, full, **how
+    patterns, full, channel, **how
         As of `open_capture`; threshold, gamma and noise as of `measure`.
     reference : path, optional
         Photographs of a plane under the same patterns; the difference of the phases is written.
     relief : {"plane", "cubic"}, optional
         Write the phase (or that difference) less a plane or a cubic ground, as a picture and a
         mesh: a shape without a calibration, in radians.
-    accept, report, pictures, force, progress : bool
-        Write phases although they are wrong; write ``report.html``; write TIFF files; take the
-        place of an earlier decoding; show a bar in a terminal.
+    accept, report, pictures, mesh, force, progress : bool
+        Write phases although they are wrong; write ``report.html``; write TIFF files; write
+        ``mesh.ply``; take the place of an earlier decoding; show a bar in a terminal.
+    min_area, lone, max_sigma
+        Of the points, as of `clean_points`.
 
     Raises
     ------
@@ -112,8 +123,10 @@ def decode_folder(
     (True, (120, 160, 3))
     """
     start, folder = time.perf_counter(), Path(folder)
-    capture = open_capture(folder, patterns, full)
-    plane = None if reference is None else open_capture(reference, capture.patterns, full)
+    capture = open_capture(folder, patterns, full, channel)
+    plane = None
+    if reference is not None:
+        plane = open_capture(reference, capture.patterns, full, channel)
     if plane is not None and plane.size != capture.size:
         raise ValueError(
             f"{reference} has photographs of {plane.size[1]} x {plane.size[0]}, {folder} of "
@@ -125,7 +138,7 @@ def decode_folder(
         if capture.patterns.unwrap == "spatial":
             raise ValueError("a system given; a phase that is unwrapped in space gives no points")
         check_size(system, capture.size)
-    folder = folder if folder.name else folder.absolute()  # "." has no name
+    folder = Path(os.path.abspath(folder))  # "." and ".." have no names
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     with folder_whole(out, "fpp decode", force, [folder]) as partial:
         axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)
@@ -134,6 +147,7 @@ def decode_folder(
             how |= {"system": system, "each": bar.update}
             measurements = tuple(measure(capture, axis, **how) for axis in axes)
         findings = tuple(f for one in measurements for f in diagnose(one, capture))
+        findings += tuple(of_files(capture))
         decoded = accept or not any(f.severe for f in findings)
         points = depth = None
         summary = {
@@ -157,12 +171,20 @@ def decode_folder(
             vertical = next((one for one in measurements if one.axis == "column"), None)
             if system is not None and vertical is not None:
                 points = vertical.points(system)
+                sigma = vertical.depth_sigma(depth_of(points, system), system)
+                limits = {"max_sigma": max_sigma, "lone": lone, "min_area": min_area}
+                points, summary["removed"] = clean_points(points, sigma, **limits)
+                if not np.isfinite(points).any() and any(summary["removed"].values()):
+                    lost = ", ".join(f"{n} {why}" for why, n in summary["removed"].items())
+                    raise ValueError(f"no point is left: {lost}; give min_area or another limit")
                 depth = depth_of(points, system)
-                sigma = vertical.depth_sigma(depth, system)
                 colours = capture.colours()
                 if colours is None:  # the average of the fringes stands in
                     colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
+                if mesh:
+                    longest = BRIDGE * typical_edge(points)
+                    save_ply(partial / "mesh.ply", surface(points, longest, colours))
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
             np.savez(partial / "decoded.npz", **arrays)
             for key, values in arrays.items() if pictures else ():
@@ -174,7 +196,8 @@ def decode_folder(
 
             name = os.fsencode(folder.name).decode(errors="backslashreplace")  # in any locale
             html = page(f"Decoding of {name}", measurements, findings, depth)
-            (partial / "report.html").write_text(html, encoding="utf-8")
+            data = html.encode("utf-8", "backslashreplace")  # of names that are not UTF-8
+            (partial / "report.html").write_bytes(data)
         summary["seconds"] = round(time.perf_counter() - start, 2)
         text = json.dumps(summary, indent=1) + "\n"
         (partial / "summary.json").write_text(text, encoding="utf-8")
@@ -182,7 +205,13 @@ def decode_folder(
 
 
 def board_pose(
-    folder: str | Path, patterns: Patterns | None = None
+    folder: str | Path,
+    patterns: Patterns | None = None,
+    *,
+    full: float | None = None,
+    channel: str = "grey",
+    accept: bool = False,
+    **how,
 ) -> tuple[Pose, tuple[int, int]]:
     """A calibration board as the photographs of one folder show it. Chapter 12.
 
@@ -190,6 +219,10 @@ def board_pose(
     ----------
     folder, patterns
         As of `open_capture`, of fringes along columns and rows on one pose of the board.
+    full, channel, **how
+        As of `open_capture`; threshold, gamma and noise as of `measure`.
+    accept : bool
+        Take the pose although a finding is severe.
 
     Returns
     -------
@@ -201,7 +234,7 @@ def board_pose(
     ValueError
         If the fringes do not run along both axes, or a finding is severe.
     """
-    capture = open_capture(folder, patterns)
+    capture = open_capture(folder, patterns, full, channel)
     if set(capture.patterns.axes) != {"column", "row"}:
         raise ValueError(
             f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
@@ -209,8 +242,9 @@ def board_pose(
         )
     if capture.patterns.unwrap == "spatial":
         raise ValueError(f"{folder} is unwrapped in space; a calibration needs absolute columns")
-    across, down = (measure(capture, axis) for axis in ("column", "row"))
-    if severe := [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]:
+    across, down = (measure(capture, axis, **how) for axis in ("column", "row"))
+    severe = [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]
+    if severe and not accept:
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)

@@ -121,12 +121,16 @@ class Measurement:
         return np.where(np.isfinite(depth), sigma, np.nan)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """What there is to store, by name: float32 with NaN outside the mask; mask and reason."""
-        names = ("wrapped", "Phi", "sigma", "coordinate")
+        """What there is to store, by name: float32; wrapped phase and modulation everywhere.
+
+        The absolute phase, its uncertainty and the coordinate are NaN outside the mask.
+        """
+        names = ("Phi", "sigma", "coordinate")
         names = names[:-1] if self.unwrapped_in_space else names
         phases = {name: getattr(self, name) for name in names}
         named = {k: np.where(self.mask, v, np.nan).astype("f4") for k, v in phases.items()}
-        named |= {"modulation": self.modulation, "mask": self.mask, "reason": self.reason}
+        named |= {name: getattr(self, name) for name in ("wrapped", "modulation")}
+        named |= {"mask": self.mask, "reason": self.reason}
         return {f"{self.axis}_{name}": value for name, value in named.items()}
 
     def numbers(self) -> dict[str, str]:

@@ -10,16 +10,18 @@ import json
 import math
 import re
 import tomllib
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from numbers import Integral
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import NamedTuple
 
 import numpy as np
 
+from fpputil.capture.images import STACKS
 from fpputil.checks import at_most, finite, positive
 from fpputil.decoding.unwrap import TEMPORAL
 from fpputil.files import write_whole
@@ -40,11 +42,12 @@ STARTS = {"cosine": 0.0, "sine": -90.0, "black": 180.0}  # degrees, of the first
 
 
 class Shot(NamedTuple):
-    """A photograph: the number of its fringe (-1 for plain light), its step, and its file."""
+    """A photograph: its fringe (-1 for plain light), its step, its file, and its page there."""
 
     fringe: int
     step: int
     file: str
+    page: int = 0
 
 
 @dataclass(frozen=True)
@@ -66,12 +69,15 @@ class Patterns:
         Step n is shifted by ``start + shift 2 pi n / steps``.
     order : {"fringe", "step"}
         Order in time: all steps of a fringe after one another, or each step of all fringes.
-    files : str
+    files : str, or sequence
         Names of the photographs with ``{axis}``, ``{pitch}``, ``{step}`` and ``{number}``, which
         counts all photographs from 0 in the order of time, and ``{step:02}`` for two digits at
         least (``{periods}`` are those over the projector; the pitch of a code is ``gray``); or
         with ``*``: these files, in natural order, are the order in time, first white and black if
-        they do not go by names of their own.
+        they do not go by names of their own. Or one such name for each fringe, as
+        ``"pitch-24/*.png"`` of photographs in a folder inside, or a list of the names of its
+        steps; or all names in the order of time. A TIFF or NPY file that is named for several
+        photographs holds them one after the other.
     first : int
         Number of the first step in the names.
     white, black : str
@@ -120,18 +126,27 @@ class Patterns:
         axes = [self.axes.index(f.axis) for f in self.fringes]
         if axes != sorted(axes):
             raise ValueError("fringes of both axes mixed; those of one axis stand together")
-        plain = FIELD.sub("", self.files)
-        if "{" in plain or "}" in plain:
-            raise ValueError(
-                f"files {self.files!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are "
-                "known (and {periods}), with the least number of digits as in {step:02}"
-            )
-        names = [] if "*" in self.files else [shot.file for shot in self.shots()]
-        if twice := [name for name, number in Counter(names).items() if number > 1]:
+        object.__setattr__(self, "files", self._per_fringe(self.files))
+        for name in self._templates():
+            plain = FIELD.sub("", name)
+            if "{" in plain or "}" in plain:
+                raise ValueError(
+                    f"files {name!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are "
+                    "known (and {periods}), with the least number of digits as in {step:02}"
+                )
+        fixed = not any("*" in name for name in self._templates())
+        names = [shot.file for shot in self.shots()] if fixed else []
+        twice = [name for name, number in Counter(names).items() if number > 1]
+        if twice := [name for name in twice if not name.lower().endswith(STACKS)]:
             raise ValueError(
                 f"files {self.files!r} given; {twice[0]} would be several photographs: name the "
                 "axis, the pitch and the step where there are several"
             )
+
+    @property
+    def in_folders(self) -> bool:
+        """Whether the photographs lie in folders inside that of the capture."""
+        return any("/" in name for name in (*self._templates(), self.white, self.black))
 
     @property
     def axes(self) -> list[str]:
@@ -167,14 +182,17 @@ class Patterns:
 
         If `files` has a ``*``, it needs the names in the folder.
         """
-        pairs = [(k, n) for k, f in enumerate(self.fringes) for n in range(f.steps)]
-        if self.order == "step":
-            pairs.sort(key=lambda pair: (pair[1], pair[0]))
+        pairs = self._in_time()
         plain = [Shot(-1, n, file) for n, file in enumerate((self.white, self.black)) if file]
-        named = [self._name(*pair, number) for number, pair in enumerate(pairs, len(plain))]
-        if "*" in self.files:
-            plain, named = self._matching(folder_names or (), plain, len(pairs))
-        return plain + [Shot(*pair, file) for pair, file in zip(pairs, named, strict=True)]
+        names, here = folder_names or (), {shot.file for shot in plain}
+        if isinstance(self.files, str) and "*" in self.files:
+            plain, named = self._matching(names, plain, len(pairs))
+        elif isinstance(self.files, str):
+            named = [self._name(*pair, number) for number, pair in enumerate(pairs, len(plain))]
+        else:
+            of = [self._of_fringe(k, [n for n in names if n not in here]) for k in self._numbers]
+            named = [of[k][n] for k, n in pairs]
+        return _paged(plain + [Shot(*pair, file) for pair, file in zip(pairs, named, strict=True)])
 
     def picture(self, shot: Shot) -> np.ndarray:
         """What the projector shows for a photograph, (height, width) uint8."""
@@ -216,7 +234,7 @@ class Patterns:
         if not path.is_file():
             raise FileNotFoundError(f"{path} given; there is no such pattern file")
         try:
-            entries = tomllib.loads(path.read_text(encoding="utf-8"))
+            entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))
             if unknown := sorted(set(entries) - {*KEYS, "start"}):
                 raise ValueError(f"entry {unknown[0]!r} found; known are {', '.join(KEYS)}, start")
             if entries.get("unwrap") == "spatial":
@@ -226,6 +244,14 @@ class Patterns:
                     raise ValueError(
                         f"no list {name!r} found; projector and [[fringes]] are needed"
                     )
+            tables = [f for f in entries["fringes"] if isinstance(f, dict)]
+            if files := [table.pop("files") for table in tables if "files" in table]:
+                if "files" in entries or len(files) != len(entries["fringes"]):
+                    raise ValueError(
+                        f"files of {len(files)} of {len(entries['fringes'])} fringes found; they "
+                        "stand in each of the [[fringes]], or at the top"
+                    )
+                entries["files"] = files
             start = entries.pop("start", "cosine")
             fringes = [_fringe(f, entries["projector"], start) for f in entries["fringes"]]
             return cls(**{**entries, "fringes": fringes})
@@ -239,6 +265,58 @@ class Patterns:
         ) as error:
             raise ValueError(f"{path}: {error}") from error
 
+    @property
+    def _numbers(self) -> range:
+        return range(len(self.fringes))
+
+    def _in_time(self) -> list[tuple[int, int]]:
+        """Fringe and step of all photographs in the order of time."""
+        pairs = [(k, n) for k, f in enumerate(self.fringes) for n in range(f.steps)]
+        if self.order == "step":
+            pairs.sort(key=lambda pair: (pair[1], pair[0]))
+        return pairs
+
+    def _per_fringe(self, files):
+        """One name, or a tuple with a name, or the names of all steps, of each fringe."""
+        if isinstance(files, str) or len(files) == 1:
+            return files if isinstance(files, str) else files[0]
+        pairs = self._in_time()
+        if len(files) == len(pairs) and all(isinstance(name, str) for name in files):
+            names = dict(zip(pairs, files, strict=True))
+            files = [[names[k, n] for n in range(f.steps)] for k, f in enumerate(self.fringes)]
+        if len(files) != len(self.fringes):
+            raise ValueError(
+                f"{len(files)} files given; one name for all, or for each of the "
+                f"{len(self.fringes)} fringes, or for each of the {len(pairs)} photographs is "
+                "needed"
+            )
+        for k, (file, fringe) in enumerate(zip(files, self.fringes, strict=True), 1):
+            if not isinstance(file, str) and len(file) != fringe.steps:
+                raise ValueError(
+                    f"{len(file)} files of fringe {k} given; it has {fringe.steps} steps"
+                )
+        return tuple(file if isinstance(file, str) else tuple(file) for file in files)
+
+    def _templates(self) -> list[str]:
+        """All names as they were given."""
+        given = (self.files,) if isinstance(self.files, str) else self.files
+        return [name for file in given for name in ((file,) if isinstance(file, str) else file)]
+
+    def _of_fringe(self, k: int, names: Sequence[str]) -> Sequence[str]:
+        """Names of the photographs of a fringe by step, out of those in the folder."""
+        fringe, file = self.fringes[k], self.files[k]
+        if not isinstance(file, str):
+            return file
+        if "*" not in file:
+            return [self._name(k, n, n) for n in range(fringe.steps)]
+        matching = _matches(names, file)
+        if len(matching) != fringe.steps:
+            raise ValueError(
+                f"{len(matching)} files match {file!r}; fringe {k + 1}, along the {fringe.axis}s, "
+                f"has {fringe.steps} steps"
+            )
+        return matching
+
     def _name(self, k: int, n: int, number: int) -> str:
         fringe, step = self.fringes[k], n + self.first
         values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
@@ -246,12 +324,13 @@ class Patterns:
             values |= {"pitch": "gray", "periods": "gray"}
         else:
             values["periods"] = self.width(fringe.axis) / fringe.pitch
-        return FIELD.sub(lambda m: _formatted(values, *m.groups()), self.files)
+        file = self.files if isinstance(self.files, str) else self.files[k]
+        return FIELD.sub(lambda m: _formatted(values, *m.groups()), file)
 
     def _matching(self, names: Sequence[str], plain: list[Shot], needed: int):
         """Photographs in plain light, by name or the first of all, and names of the others."""
         plain_names = {shot.file for shot in plain}
-        matching = sorted((n for n in names if fnmatchcase(n, self.files)), key=natural)
+        matching = _matches(names, self.files)
         if plain_names & set(names):
             matching = [n for n in matching if n not in plain_names]
         elif len(matching) == needed + len(plain):
@@ -272,6 +351,35 @@ def _formatted(values: dict, name: str, digits: str | None) -> str:
     return value if isinstance(value, str) else format(value, (digits or "") + FORMATS[name])
 
 
+def _matches(names: Sequence[str], pattern: str) -> list[str]:
+    """Those names that match a pattern with ``*``, which stands for no folder; in natural order."""
+    deep, pattern = pattern.count("/"), composed(pattern)
+    fit = (n for n in names if n.count("/") == deep and fnmatchcase(n, pattern))
+    return sorted(fit, key=natural)
+
+
+def _paged(shots: list[Shot]) -> list[Shot]:
+    """Shots of which those of one file take its pages one after the other."""
+    seen: Counter[str] = Counter()
+    paged = []
+    for shot in shots:
+        paged.append(shot._replace(page=seen[shot.file]))
+        seen[shot.file] += 1
+    return paged
+
+
+def composed(name: str) -> str:
+    r"""A name as others compare equal to it, whatever the system's encoding and way of accents.
+
+    UTF-8 that was taken for another encoding is decoded, and accents join their letters.
+
+    >>> composed("a\u0308") == composed("\udcc3\udca4") == "\xe4"
+    True
+    """
+    data = name.encode("utf-8", "surrogateescape")
+    return unicodedata.normalize("NFC", data.decode("utf-8", "surrogateescape"))
+
+
 def natural(name: str) -> list:
     """Key that sorts step-2 before step-10."""
     return [(int(p), p) if p.isdecimal() else (0, p) for p in re.split(r"([0-9]+)", name)]
@@ -282,7 +390,22 @@ def _is_whole(value, least: int, most: float = float("inf")) -> bool:
 
 
 def _is_name(value) -> bool:
-    return isinstance(value, str) and value == Path(value).name != "" and value.isprintable()
+    """Whether it names a file in the folder, or in one inside it."""
+    if not isinstance(value, str) or not value.isprintable():
+        return False
+    path = PureWindowsPath(value)  # which knows both kinds of slashes
+    inside = path.name != "" and not path.anchor and ".." not in path.parts
+    return inside and value == str(PurePosixPath(value))
+
+
+def _are_names(value) -> bool:
+    """A name, or a list of names and of lists of names."""
+    if isinstance(value, str):
+        return _is_name(value)
+    if not isinstance(value, list | tuple) or not value:
+        return False
+    rows = [[row] if isinstance(row, str) else row for row in value]
+    return all(isinstance(row, list | tuple) and all(map(_is_name, row)) for row in rows)
 
 
 NEEDED = {
@@ -298,9 +421,9 @@ NEEDED = {
     "shift": (lambda v: _is_whole(v, -1, 1) and v != 0, "one of 1, -1 is needed"),
     "order": (lambda v: v in ORDERS, f"one of {', '.join(ORDERS)} is needed"),
     "first": (lambda v: _is_whole(v, 0), "a whole number of 0 or more is needed"),
-    "files": (_is_name, "names in the folder itself are needed"),
-    "white": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
-    "black": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
+    "files": (_are_names, "names in the folder, or in one inside it, are needed"),
+    "white": (lambda v: v == "" or _is_name(v), "a name in the folder, or none, is needed"),
+    "black": (lambda v: v == "" or _is_name(v), "a name in the folder, or none, is needed"),
 }
 """Of each entry of `Patterns` what it must be, and how that is said."""
 

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import io
-import logging
-import math
 import os
-import struct
-import zlib
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import tifffile
 
-from fpputil.capture.patterns import NAME, Patterns, Shot
-from fpputil.checks import at_most, one_line, positive
+from fpputil.capture.images import (
+    CHANNELS,
+    READ,
+    SUFFIXES,
+    Levels,
+    grey,
+    levels_of,
+    of_kind,
+    pages_of,
+    read_pixels,
+)
+from fpputil.capture.patterns import NAME, Patterns, Shot, composed
+from fpputil.checks import positive
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE
 
-SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".npy")
-READ = ", ".join(suffix[1:] for suffix in SUFFIXES)
-
-# What is wrong with a file is told by an error, and only once.
-logging.getLogger("tifffile").addHandler(logging.NullHandler())
-cv2.setLogLevel(0)
+FOREIGN = ("__MACOSX", "-decoded")  # folders that others put beside photographs, by their end
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,14 @@ class Capture:
         Of every photograph: (height, width), pixels; uint8, uint16 or float32.
     full : float
         Grey level at which the camera is saturated.
+    channel : {"grey", "red", "green", "blue"}
+        Of photographs in colour.
+    levels : Levels
+        What the photographs themselves tell of `full`.
+    colourful : bool
+        Whether the photographs have colours.
+    paths : dict of str to Path
+        Where the files of the shots are: a name on the disk may be spelt in other bytes.
     """
 
     folder: Path
@@ -51,6 +62,10 @@ class Capture:
     size: tuple[int, int]
     dtype: np.dtype
     full: float
+    channel: str = "grey"
+    levels: Levels = Levels(WHITE, WHITE, "")
+    colourful: bool = False
+    paths: dict[str, Path] = field(default_factory=dict)
 
     @property
     def scale(self) -> float:
@@ -72,16 +87,21 @@ class Capture:
     def frames(self, fringe: int) -> np.ndarray:
         """Photographs of a fringe by step, (N, H, W), as they are; two threads read them."""
         shots = self.of(fringe)
-        frames = np.empty((len(shots), *self.size), self.dtype)
+        mixed = self.colourful and self.channel == "grey"  # whose levels are not whole
+        frames = np.empty((len(shots), *self.size), np.float32 if mixed else self.dtype)
         with ThreadPoolExecutor(2) as pool:
             for n, image in enumerate(pool.map(self._read, shots)):
-                frames[n] = _grey(image)
+                frames[n] = grey(image, self.channel)
         return frames
+
+    def photographs(self, fringe: int) -> list[np.ndarray]:
+        """Photographs of a fringe by step with their colours, (H, W) or (H, W, 3)."""
+        return [self._read(shot) for shot in self.of(fringe)]
 
     def _read(self, shot: Shot) -> np.ndarray:
         """(H, W), or (H, W, 3), of the size and depth of the first."""
-        path = self.folder / shot.file
-        image = _pixels(path)
+        path = self.paths[shot.file]
+        image = read_pixels(path, shot.page)
         (height, width), (h, w) = image.shape[:2], self.size
         if (height, width) != (h, w) or image.dtype != self.dtype:
             raise ValueError(
@@ -92,9 +112,14 @@ class Capture:
 
 
 def open_capture(
-    folder: str | Path, patterns: Patterns | None = None, full: float | None = None
+    folder: str | Path,
+    patterns: Patterns | None = None,
+    full: float | None = None,
+    channel: str = "grey",
 ) -> Capture:
     """Find the photographs of patterns in a folder. Chapter 12.
+
+    Hidden files, and folders that other programs made, are passed over.
 
     Parameters
     ----------
@@ -102,8 +127,10 @@ def open_capture(
     patterns : Patterns, optional
         By default those of ``patterns.toml`` in the folder.
     full : float, optional
-        Grey level at which the camera is saturated; by default 255 for 8 bit and for floats,
-        65535 for 16 bit.
+        Grey level at which the camera is saturated; by default 255 for 8 bit, else as
+        `levels_of` the photographs tells.
+    channel : {"grey", "red", "green", "blue"}
+        Which one of photographs in colour.
 
     Raises
     ------
@@ -113,23 +140,63 @@ def open_capture(
         If the first photograph cannot be read, or the patterns do not fit the folder.
     """
     folder = Path(folder)
+    if channel not in CHANNELS:
+        raise ValueError(f"channel {channel!r} given; one of {', '.join(CHANNELS)} is needed")
     patterns = of_folder(folder) if patterns is None else patterns
-    names = sorted(os.listdir(_there(folder)))
-    readable = [n for n in names if Path(n).suffix.lower() in SUFFIXES and (folder / n).is_file()]
-    shots = patterns.shots(readable)
-    missing = sorted({s.file for s in shots} - set(readable))
+    readable = _readable(_there(folder), patterns.in_folders)
+    pages = {name: pages_of(path) for name, path in readable.items()}
+    shots = tuple(patterns.shots([name for name in pages for _ in range(pages[name])]))
+    _check_there(folder, shots, pages)
+    paths = {shot.file: readable[composed(shot.file)] for shot in shots}
+    shot = next(shot for shot in shots if shot.fringe >= 0)
+    first = read_pixels(paths[shot.file], shot.page)
+    of_first = {"size": first.shape[:2], "dtype": first.dtype, "colourful": first.ndim == 3}
+    capture = Capture(folder, patterns, shots, **of_first, full=WHITE, channel=channel, paths=paths)
+    if full is not None:
+        return replace(capture, full=positive("full", full, "grey levels"))
+    levels = levels_of(capture._read(shot) for shot in shots)
+    return replace(capture, full=levels.full, levels=levels)
+
+
+def is_foreign(name: str) -> bool:
+    """Whether a file or folder is no photograph and no pose, by its name: hidden, or a program's.
+
+    >>> [is_foreign(name) for name in ("._a.png", "__MACOSX", "pose-00-decoded", "pose-00")]
+    [True, True, True, False]
+    """
+    return name.startswith(".") or name.endswith(FOREIGN)
+
+
+def _readable(folder: Path, in_folders: bool) -> dict[str, Path]:
+    """Files of photographs in a folder, or in those inside it, too, by their `composed` names."""
+    files = {}
+    for room, rooms, names in os.walk(folder):
+        rooms[:] = sorted(name for name in rooms if in_folders and not is_foreign(name))
+        for name in sorted(names):
+            if Path(name).suffix.lower() in SUFFIXES and not name.startswith("."):
+                path = Path(room, name)
+                files[composed(path.relative_to(folder).as_posix())] = path
+    return files
+
+
+def _check_there(folder: Path, shots: tuple[Shot, ...], pages: dict[str, int]) -> None:
+    """FileNotFoundError that names missing photographs; ValueError, stacks of another number."""
+    names = Counter(composed(shot.file) for shot in shots)
+    missing = sorted(set(names) - set(pages))
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        jpeg = sum(n.lower().endswith((".jpg", ".jpeg")) for n in names)
-        lossy = f", JPEG ({jpeg} files here) is not: its compression turns the phase"
+        number, others = sum(names[name] for name in pages), sorted(set(pages) - set(names))
+        hint = f"; {len(others)} others are there, as {min(others, default='')}: name them (files)"
         raise FileNotFoundError(
-            f"{', '.join(missing[:3])}{more} missing in {folder}: {len(shots) - len(missing)} of "
-            f"{len(shots)} photographs found; {READ} are read{lossy if jpeg else ''}"
+            f"{', '.join(missing[:3])}{more} missing in {folder}: {number} of {len(shots)} "
+            f"photographs found{hint if others else ''}; {READ} are read"
         )
-    first = read_photograph(folder / shots[0].file)
-    depth = 65535.0 if first.dtype == np.uint16 else WHITE
-    full = depth if full is None else positive("full", full, "grey levels")
-    return Capture(folder, patterns, tuple(shots), first.shape, first.dtype, full)
+    for file, needed in names.items():
+        if pages[file] != needed:
+            raise ValueError(
+                f"{folder / file} holds {pages[file]} photographs; the patterns need {needed} "
+                "of it, one after the other"
+            )
 
 
 def of_folder(folder: str | Path) -> Patterns:
@@ -143,7 +210,7 @@ def of_folder(folder: str | Path) -> Patterns:
     return Patterns.load(file)
 
 
-def read_photograph(path: str | Path) -> np.ndarray:
+def read_photograph(path: str | Path, channel: str = "grey") -> np.ndarray:
     """One photograph as (H, W) uint8, uint16 or float32; colour becomes grey. Chapter 12.
 
     Raises
@@ -161,91 +228,19 @@ def read_photograph(path: str | Path) -> np.ndarray:
     ...     read_photograph(f"{folder}/a.npy").tolist()
     [[7, 7, 7], [7, 7, 7]]
     """
-    return _grey(_pixels(Path(path)))
-
-
-def _grey(image: np.ndarray) -> np.ndarray:
-    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
+    return grey(read_pixels(Path(path)), channel)
 
 
 def write_photograph(path: Path, image: np.ndarray) -> None:
-    """Write (H, W) grey levels as `read_photograph` reads them, whole or not at all."""
-    if _is_array(path):
-        np.save(data := io.BytesIO(), image)
-        write_whole(path, data.getvalue())
+    """Write (H, W) grey levels, or a stack (N, H, W) as TIFF or NPY, whole or not at all."""
+    data = io.BytesIO()
+    if of_kind(path) == ".npy":
+        np.save(data, image)
+    elif image.ndim == 3:
+        tifffile.imwrite(data, image, photometric="minisblack")
     else:
-        write_whole(path, cv2.imencode(path.suffix, image)[1].tobytes())
-
-
-def _is_array(path: Path) -> bool:
-    if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{path} given; {READ} files are read")
-    return path.suffix.lower() == ".npy"
-
-
-def _pixels(path: Path) -> np.ndarray:
-    """(H, W), or (H, W, 3) with red first, checked."""
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} given; there is no such photograph")
-    is_array = _is_array(path)
-    try:
-        image = _array(path) if is_array else _image(path)
-    except Exception as error:  # NumPy reads the head as Python text, and any error of it may come
-        kind = "an array of numbers" if is_array else "an image"
-        raise ValueError(f"{path} is cut, or not {kind} ({one_line(error)})") from error
-    if image.dtype.kind == "f":
-        with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused
-            image = image.astype(np.float32, copy=False)
-    elif image.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"{path} has dtype {image.dtype}; uint8, uint16 or floats are read")
-    if not image.size or image.shape[2:] not in ((), (1,), (3,), (4,)) or image.ndim == 1:
-        raise ValueError(f"{path} has shape {image.shape}; a photograph is (H, W), or has colours")
-    if image.ndim == 3:  # OpenCV puts red last but for the transparency, which goes
-        channels = [0, 1, 2] if is_array else [2, 1, 0]
-        image = image[..., 0 if image.shape[2] == 1 else channels]
-    if not np.isfinite(image).all():
-        raise ValueError(f"{path} has pixels that are NaN or infinite; photograph again")
-    return np.ascontiguousarray(image)
-
-
-def _array(path: Path) -> np.ndarray:
-    """A .npy file; one whose head promises more than there is cannot be mapped."""
-    array = np.lib.format.open_memmap(path, mode="r")
-    at_most("pixels", math.prod(array.shape[:2]), "FPP_MOST_PIXELS")
-    return np.array(array, array.dtype.newbyteorder("="))
-
-
-def _image(path: Path) -> np.ndarray:
-    data = path.read_bytes()  # for OpenCV cannot open a file whose name is not UTF-8
-    at_most("pixels", _promised(data), "FPP_MOST_PIXELS")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise ValueError("OpenCV does not read it")
-    return image
-
-
-def _promised(data: bytes) -> int:
-    """Number of pixels by the head of an image."""
-    if data.startswith(b"\x89PNG"):
-        _check_chunks(data)
-        width, height = struct.unpack_from(">II", data, 16)
-    elif data.startswith(b"BM"):
-        width, height = struct.unpack_from("<HH" if data[14] == 12 else "<ii", data, 18)
-    else:
-        with tifffile.TiffFile(io.BytesIO(data)) as file:
-            width, height = file.pages[0].imagewidth, file.pages[0].imagelength
-    return abs(width * height)
-
-
-def _check_chunks(data: bytes) -> None:
-    """ValueError unless the chunks of a PNG are whole: OpenCV takes memory for all they promise."""
-    at, kind, view = 8, b"", memoryview(data)
-    while kind != b"IEND":
-        length, kind = struct.unpack_from(">I4s", data, at)
-        end = at + 8 + length
-        if zlib.crc32(view[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
-            raise ValueError(f"the CRC at {end} is wrong")
-        at = end + 4
+        data.write(cv2.imencode(path.suffix, image)[1].tobytes())
+    write_whole(path, data.getvalue())
 
 
 def _there(folder: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -79,8 +80,14 @@ def photograph_into(
     """
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
+    number = Counter(shot.file for shot in patterns.shots())
+    stacks: dict[str, list[np.ndarray]] = {}
     for shot, frame in photograph(view, patterns, system, seed, response, **camera):
-        write_photograph(folder / shot.file, frame)
+        stacks.setdefault(shot.file, []).append(frame)
+        if len(frames := stacks[shot.file]) == number[shot.file]:
+            (folder / shot.file).parent.mkdir(parents=True, exist_ok=True)
+            write_photograph(folder / shot.file, np.stack(frames) if len(frames) > 1 else frame)
+            del stacks[shot.file]
     patterns.save(folder / NAME)
 
 

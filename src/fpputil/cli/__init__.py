@@ -4,6 +4,7 @@ import errno
 import os
 import signal
 import sys
+from importlib.metadata import version
 from io import TextIOWrapper
 
 from cyclopts import App, CycloptsError, Parameter
@@ -33,9 +34,15 @@ GO_ON = dict.fromkeys(WRITERS, "nothing was written") | {
 EXTRA = ("torch", "zarr", "numcodecs", "filelock", "safetensors")
 
 LAST = Parameter(negative=(), allow_repeating=True)  # of an option given twice the last one counts
-HOW = {"help_format": "plaintext", "version_flags": (), "default_parameter": LAST}
+HOW = {"help_format": "plaintext", "default_parameter": LAST}
 
-app = App("fpp", help=__doc__, help_epilogue=EPILOG, **HOW)
+
+def _version() -> str:
+    return f"fpp {version('fpputil')}"
+
+
+app = App("fpp", help=__doc__, help_epilogue=EPILOG, version=_version, **HOW)
+app.version_flags = ("--version",)
 for command in (
     *(patterns.patterns, render.render, decode.decode, calibrate.calibrate),
     *(train.train, evaluate.evaluate, predict.predict),

@@ -2,11 +2,32 @@
 
 import json as jsons
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from fpputil import calibration, capture
-from fpputil.cli.options import Force, Json, Kind, Size, Square, free, option
+from fpputil.cli.decode import FILES, Files, _exponent, _patterns
+from fpputil.cli.options import (
+    FRINGES,
+    TARGET,
+    Channel,
+    Force,
+    Fringes,
+    Full,
+    Gamma,
+    Json,
+    Noise,
+    Size,
+    Target,
+    Threshold,
+    Unit,
+    free,
+    millimetres,
+    option,
+)
+
+LEAST = 1.0  # mm, below which a length without its unit is asked about
 
 
 def calibrate(
@@ -15,34 +36,47 @@ def calibrate(
     /,
     *,
     board: Annotated[Size, option("Points across and down, as 11x8.")],
-    reach: Annotated[tuple[float, float], option("Measured, near and far, mm.", name="--range")],
-    square: Square = 25.0,
-    kind: Kind = "chessboard",
-    patterns: Annotated[Path | None, option("Of all poses (default: one in each folder).")] = None,
+    reach: Annotated[tuple[float, float], option("Measured, near and far.", name="--range")],
+    unit: Unit = None,
+    target: Target = TARGET,
     lens: Annotated[int, option("Camera's distortion: 0, 1, 2, 4 or 5 of k1 k2 p1 p2 k3.")] = 4,
     projector_lens: Annotated[int, option("Likewise.")] = 4,
+    gamma: Gamma = "auto",
+    threshold: Threshold = 8.0,
+    noise: Noise = None,
+    full: Full = None,
+    channel: Channel = "grey",
+    accept: Annotated[bool, option("Take poses whose phases are wrong all the same.")] = False,
     force: Force = False,
     json: Json = False,
+    names: Files = FILES,
+    fringes: Fringes = FRINGES,
 ) -> None:
     """Calibrate a camera and a projector.
 
     FOLDER holds a folder for each pose of the board, ten or more, tilted by 25 to 40 degrees in
     all directions, out to the picture's edges; in each the photographs of fringes along columns
-    and rows (`fpp patterns --axis both`).
+    and rows (`fpp patterns --axis both`). Hidden folders, and those that `fpp decode` wrote, are
+    passed over. Lengths in the system are mm, whatever --unit says of those given.
     """
-    target = calibration.Board(*board, square, kind)
+    square, *reach = millimetres(unit, LEAST, square=target.square, range=reach[0], far=reach[1])
+    printed = target.board(*board, square)
     free(system, force)
-    shared = None if patterns is None else capture.Patterns.load(patterns)
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} given; there is no such folder")
-    read = [capture.board_pose(path, shared) for path in sorted(folder.iterdir()) if path.is_dir()]
+    paths = [path for path in sorted(folder.iterdir()) if path.is_dir() and not foreign(path)]
+    if names.files is not None and fringes.axis is None:
+        fringes = replace(fringes, axis="both")
+    how = {"full": full, "threshold": threshold, "gamma": _exponent(gamma), "noise": noise}
+    how |= {"channel": channel, "accept": accept}
+    read = [capture.board_pose(path, _patterns(path, names, fringes), **how) for path in paths]
     if not read:
         raise ValueError(f"{folder} given; it holds no folder, and a pose is a folder")
     poses, projectors = zip(*read, strict=True)
     if len(sizes := sorted(set(projectors))) > 1:
         raise ValueError(f"projectors of {sizes} pixels given; all poses need one")
     lenses = {"lens": lens, "projector_lens": projector_lens}
-    fit = calibration.calibrate(target, list(poses), projectors[0], *reach, **lenses)
+    fit = calibration.calibrate(printed, list(poses), projectors[0], *reach, **lenses)
     free(system, force)  # once more: calibrating takes its time
     fit.system.save(system)
     if json:
@@ -50,7 +84,15 @@ def calibrate(
         print(jsons.dumps({name: getattr(fit, name) for name in names}))
     else:
         _print(fit)
-        print(f"written to {system}")
+        taken = f"--square {target.square:g} was taken for {unit or 'mm'}"
+        print(f"written to {system}, lengths in mm ({taken})")
+
+
+def foreign(folder: Path) -> bool:
+    """Whether a folder is no pose: hidden, another program's, or what `fpp decode` wrote."""
+    from fpputil.capture.photographs import is_foreign
+
+    return is_foreign(folder.name) or (folder / "summary.json").is_file()
 
 
 def _print(fit) -> None:

@@ -9,7 +9,21 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from fpputil import capture, optics
-from fpputil.cli.options import FRINGES, Force, Fringes, Json, Size, given, option
+from fpputil.cli.options import (
+    FRINGES,
+    SEVERAL,
+    Channel,
+    Force,
+    Fringes,
+    Full,
+    Gamma,
+    Json,
+    Noise,
+    Size,
+    Threshold,
+    given,
+    option,
+)
 
 YES = {"negative_bool": "no-", "negative": None}
 
@@ -21,7 +35,12 @@ class Files:
 
     patterns: Annotated[Path | None, option("A pattern file elsewhere.")] = None
     files: Annotated[
-        str | None, option("Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.")
+        list[str] | None,
+        option(
+            "Names, as `{axis}-{pitch}-{step:02}.png`, or `*.png` in order of time; one name for "
+            "each pitch, as `long/*.png`; or all names. A TIFF or NPY file may hold many.",
+            **SEVERAL,
+        ),
     ] = None
     projector: Annotated[
         Size | None, option("Pixels (default 912x1140, unless the pitches say otherwise).")
@@ -35,18 +54,38 @@ class Files:
 FILES = Files()
 
 
+@Parameter(name="*", group="Points")
+@dataclass(frozen=True)
+class Cloud:
+    """Which points are written, and as what."""
+
+    min_area: Annotated[
+        int, option("Pixels; smaller parts of the picture are specks and left out, 0: none.")
+    ] = 25
+    max_sigma: Annotated[
+        float | None, option("Leave out points whose depth is less certain than this, mm.")
+    ] = None
+    lone: Annotated[
+        float | None,
+        option("Leave out points so many standard deviations farther from their neighbours, as 3."),
+    ] = None
+    mesh: Annotated[bool, option("Write mesh.ply, triangles with normals.")] = False
+
+
+CLOUD = Cloud()
+
+
 def decode(
     folder: Annotated[Path, option("Of the photographs.")],
     /,
     *,
     out: Annotated[Path | None, option("New folder (default FOLDER-decoded).")] = None,
     system: Annotated[str | None, option("For millimetres: tiny, small, paper or a file.")] = None,
-    gamma: Annotated[
-        str, option("Exponent of the response, taken back; auto: where a pitch has under 5 steps.")
-    ] = "auto",
-    threshold: Annotated[float, option("Least modulation, grey levels of 255.")] = 8.0,
-    noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
-    full: Annotated[float | None, option("Saturated grey level (default 255 or 65535).")] = None,
+    gamma: Gamma = "auto",
+    threshold: Threshold = 8.0,
+    noise: Noise = None,
+    full: Full = None,
+    channel: Channel = "grey",
     accept: Annotated[bool, option("Write phases all the same.")] = False,
     reference: Annotated[
         Path | None, option("Photographs of a plane, likewise named; its phase is taken away.")
@@ -59,6 +98,7 @@ def decode(
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
     force: Force = False,
     json: Json = False,
+    cloud: Cloud = CLOUD,
     names: Files = FILES,
     fringes: Fringes = FRINGES,
 ) -> int:
@@ -69,14 +109,16 @@ def decode(
     shift, swapped or missing photographs, a saturated projector ...), only report and summary are
     written, and the exit code is 1.
     """
-    from fpputil.checks import positive
-
-    exponent = None if gamma == "auto" else positive("gamma", _number(gamma))
+    exponent = _exponent(gamma)
     rig = None if system is None else optics.load_system(system)
+    if rig is None and cloud != CLOUD:
+        name = next(k for k, v in vars(cloud).items() if v != getattr(CLOUD, k))
+        raise ValueError(f"--{name.replace('_', '-')} without --system given; points need one")
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
     how |= {"reference": reference, "relief": relief}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
+    how |= {"channel": channel, **vars(cloud)}
     decoded = capture.decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
         print(jsons.dumps(decoded.summary))
@@ -85,11 +127,16 @@ def decode(
     return 0 if decoded.summary["decoded"] else 1
 
 
-def _number(text: str) -> float:
+def _exponent(gamma: str) -> float | None:
+    from fpputil.checks import positive
+
+    if gamma == "auto":
+        return None
     try:
-        return float(text)
+        number = float(gamma)
     except ValueError:
-        raise ValueError(f"gamma {text!r} given; a positive number or auto is needed") from None
+        raise ValueError(f"gamma {gamma!r} given; a positive number or auto is needed") from None
+    return positive("gamma", number)
 
 
 def _patterns(folder: Path, names: Files, fringes: Fringes):
@@ -99,7 +146,7 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
     if names.patterns is not None and names.files is not None:
         raise ValueError("--patterns and --files given; one of them names the photographs")
     if names.files is not None:
-        options = given(names)
+        options = {k: _composed(v) for k, v in given(names).items()}
         unknown = () if fringes.unwrap == "spatial" else None
         return fringes.patterns(options.pop("projector", unknown), **options)
     if beside := given(replace(fringes, shift=None, start=None)):
@@ -116,6 +163,15 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
     return patterns
 
 
+def _composed(value):
+    """Names in whatever encoding the terminal has."""
+    from fpputil.capture.patterns import composed
+
+    if isinstance(value, list):
+        return [composed(name) for name in value]
+    return composed(value) if isinstance(value, str) else value
+
+
 def _print(decoded, system) -> None:
     summary = decoded.summary
     for axis, numbers in summary["numbers"].items():
@@ -125,7 +181,9 @@ def _print(decoded, system) -> None:
         kind = "error" if finding.severe else "note"
         print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)
     if "points" in summary:
-        print(f"{summary['points']} points in {decoded.out / 'points.ply'}")
+        lost = ", ".join(f"{n} {why}" for why, n in summary["removed"].items() if n)
+        left = f" ({lost} left out)" if lost else ""
+        print(f"{summary['points']} points in {decoded.out / 'points.ply'}{left}")
     elif system is None:
         shape = "" if "relief" in summary else "; --relief cubic makes a picture and a mesh of them"
         print(f"no --system given: phases, but no depth and no points{shape}")

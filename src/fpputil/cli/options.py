@@ -31,14 +31,68 @@ Out = Annotated[Path, option("New folder.")]
 Force = Annotated[bool, option("Replace earlier results.")]
 Json = Annotated[bool, option("Print one JSON object.")]
 System = Annotated[str, option("tiny, small, paper, or a file: .json, .yml, .yaml.")]
-Square = Annotated[float, option("Distance of the board's points, mm.")]
-Kind = Annotated[str, option("Of the board: chessboard (inner corners), charuco or circles.")]
+Gamma = Annotated[
+    str, option("Exponent of the response, taken back; auto: where a pitch has under 5 steps.")
+]
+Threshold = Annotated[float, option("Least modulation, grey levels of 255.")]
+Noise = Annotated[float | None, option("Grey levels of 255 (default: estimated).")]
+Full = Annotated[
+    float | None, option("Saturated grey level (default 255, or by the greatest level there is).")
+]
+Channel = Annotated[
+    Literal["grey", "red", "green", "blue"], option("Of photographs in colour, which one.")
+]
 Data = Annotated[Path, option("The dataset.")]
 Preset = Annotated[str, option("tiny, small or paper.")]
 Weights = Annotated[Path, option("A .safetensors file.")]
 Workers = Annotated[int, option("Processes that load.")]
 Device = Annotated[str, option("cpu, cuda ...")]
 Precision = Annotated[str, option("float32, bfloat16 or auto.")]
+
+
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+Unit = Annotated[Literal["mm", "cm", "m", "inch"] | None, option("Of lengths (default mm).")]
+
+
+def millimetres(unit: str | None, least: float, **lengths: float) -> list[float]:
+    """Lengths that were given in a unit, in mm; ValueError if none is named and one is tiny."""
+    for name, length in lengths.items():
+        if unit is None and 0 < length < least:
+            raise ValueError(
+                f"--{name} {length:g} without --unit given; that is less than {least:g} mm: give "
+                "--unit m, cm or inch, or --unit mm if it is right"
+            )
+    return [length * UNITS[unit or "mm"] for length in lengths.values()]
+
+
+@Parameter(name="*", group="Board")
+@dataclass(frozen=True)
+class Target:
+    """What is printed on a board."""
+
+    square: Annotated[float, option("Distance of the board's points.")] = 25.0
+    kind: Annotated[
+        Literal["chessboard", "charuco", "circles", "asymmetric"],
+        option(
+            "chessboard (its inner corners count), charuco, circles (black on white or white on "
+            "black), or asymmetric circles (their square is the distance of the rows)."
+        ),
+    ] = "chessboard"
+    dictionary: Annotated[str, option("Of a charuco board: 5x5_100, apriltag_36h11 ...")] = (
+        "4x4_250"
+    )
+    marker: Annotated[float, option("Of a charuco board: width, squares.")] = 0.75
+    legacy: Annotated[bool, option("Of a charuco board: as OpenCV before 4.6 drew it.")] = False
+
+    def board(self, columns: int, rows: int, square: float | None = None):
+        """`Board` of so many points, whose square may be given in mm."""
+        from fpputil.calibration import Board
+
+        marks = {"dictionary": self.dictionary, "legacy": self.legacy, "marker": self.marker}
+        return Board(columns, rows, square or self.square, self.kind, **marks)
+
+
+TARGET = Target()
 
 
 @Parameter(name="*", group="Fringes")

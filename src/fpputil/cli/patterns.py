@@ -19,9 +19,10 @@ def patterns(
 ) -> None:
     """Write the pictures to project.
 
-    Writes a PNG for each pattern, numbered in the order in which to show them, and patterns.toml.
-    Photograph each, keep the photographs under the same names in a folder beside a copy of
-    patterns.toml, and `fpp decode` that folder.
+    Writes a PNG for each pattern, numbered in the order in which to show them, patterns.toml, and
+    show.html, which shows them full screen in any browser, one pixel on one of the projector, by
+    key or clock. Photograph each, keep the photographs under the same names in a folder beside a
+    copy of patterns.toml, and `fpp decode` that folder.
     """
     from fpputil.capture.patterns import NAME
     from fpputil.capture.photographs import write_photograph
@@ -34,7 +35,18 @@ def patterns(
         for shot in shots:
             write_photograph(folder / shot.file, chosen.picture(shot))
         chosen.save(folder / NAME)
+        page = show_page([shot.file for shot in shots], chosen.projector)
+        (folder / "show.html").write_text(page, encoding="utf-8")
     made = {"folder": str(out), "files": [shot.file for shot in shots]}
     width, height = chosen.projector
     pictures = f"{len(shots)} pictures of {width} x {height} and {NAME} in {out}"
-    tell(json, made, pictures, f"to be shown in the order of their names, {shots[0].file} first")
+    tell(json, made, pictures, f"open {out / 'show.html'} in a browser on the projector")
+
+
+def show_page(files: list[str], projector: tuple[int, int]) -> str:
+    """A page, to lie beside pictures, that shows them one after the other."""
+    from jinja2 import Environment, PackageLoader
+
+    templates = Environment(loader=PackageLoader("fpputil", "capture"), autoescape=True)
+    width, height = projector
+    return templates.get_template("show.html").render(files=files, width=width, height=height)

@@ -6,8 +6,19 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from fpputil import capture, decoding, learning, optics
-from fpputil.cli.options import Device, Force, Json, Out, Precision, System, Weights, option
+from fpputil import decoding, learning, optics
+from fpputil.cli.options import (
+    Channel,
+    Device,
+    Force,
+    Full,
+    Json,
+    Out,
+    Precision,
+    System,
+    Weights,
+    option,
+)
 
 FILES = ("predicted.npz", "points.ply", "predicted.png")
 ARRAYS = ("Phi", "column", "depth", "phi_h", "phi_r", "mask")
@@ -23,14 +34,17 @@ def predict(
     out: Out,
     device: Device = "cpu",
     precision: Precision = "auto",
+    full: Full = None,
+    channel: Channel = "grey",
     json: Json = False,
     force: Force = False,
 ) -> None:
     """Depth from photographs by a trained network.
 
     Photographs in the order in which the network wants them: of SFNet that of the high pitch, then
-    that of its reference's (a wrong number is answered by what is wanted). PNG, BMP, TIFF, NPY;
-    colours become grey, 16 bits are divided by 257, floats count as grey levels 0 to 255. Writes
+    that of its reference's (a wrong number is answered by what is wanted). PNG, BMP, TIFF, NPY,
+    PGM, JPEG; colours become grey, and how many bits there are in 16, or whether floats reach to
+    1, is told by the greatest level of all photographs, or by --full. Writes
     predicted.npz (Phi, column, depth, phi_h, phi_r: float32, NaN outside mask), points.ply (within
     the measuring range, in the first photograph's grey) and predicted.png.
 
@@ -45,8 +59,9 @@ def predict(
     from fpputil.files import folder_whole, write_arrays, write_whole
 
     trained, rig = learning.load_weights(weights), optics.load_system(system)
-    shots = learning.check_photographs(trained, [_levels(path) for path in photo], rig)
-    warnings = _warn(learning.warnings(shots))
+    frames, notes = _frames(photo, full, channel)
+    shots = learning.check_photographs(trained, frames, rig)
+    warnings = _warn(notes + learning.warnings(shots))
     with folder_whole(out, "fpp predict", force, [*photo, weights]) as folder:
         result = learning.predict(trained, shots, device, precision)
         inside = np.isfinite(result.points).all(axis=-1)
@@ -71,10 +86,22 @@ def predict(
     print(f"written to {out}: {', '.join(FILES)}")
 
 
-def _levels(path: Path):
-    """A photograph in float32 grey levels of 255; floats are that already."""
-    image = capture.read_photograph(path)
-    return image.astype("float32") / (257 if image.dtype == "uint16" else 1)
+def _frames(photo: list[Path], full: float | None, channel: str) -> tuple[list, list[str]]:
+    """Photographs in float32 grey levels of 255, and what is to be said of their levels."""
+    from fpputil.capture.images import grey, levels_of, read_pixels
+    from fpputil.checks import positive
+
+    images = [read_pixels(path) for path in photo]
+    if full is not None:
+        scales, notes = dict.fromkeys({i.dtype for i in images}, positive("full", full)), []
+    else:
+        kinds = dict.fromkeys(image.dtype for image in images)
+        levels = {kind: levels_of(i for i in images if i.dtype == kind) for kind in kinds}
+        scales = {kind: level.full for kind, level in levels.items()}
+        said = [level.said for level in levels.values() if level.said]
+        notes = [f"photographs taken for {text}; --full tells otherwise" for text in said]
+    frames = [grey(i, channel).astype("float32") * 255 / scales[i.dtype] for i in images]
+    return frames, notes
 
 
 def _warn(sentences: list[str]) -> list[str]:

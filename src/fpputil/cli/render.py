@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Group
 
 from fpputil import calibration, capture, optics
-from fpputil.cli.options import Force, Json, Kind, Out, Size, Square, System, option, tell
+from fpputil.cli.options import TARGET, Force, Json, Out, Size, System, Target, option, tell
 
 SEEDS = 100_000  # between the noise of one scene and that of the next
 PIXELS = 40  # of the picture of a board, to a square
@@ -40,8 +40,7 @@ def render(
     turn: Annotated[
         tuple[float, float] | None, option("Mesh or part about the paper's y and z, degrees.")
     ] = None,
-    square: Square = 25.0,
-    kind: Kind = "chessboard",
+    target: Target = TARGET,
     poses: Annotated[int, option("Of the board.")] = 12,
     noise: Annotated[float, option("Grey levels.")] = 1.0,
     gain: Annotated[float, option("Exposure.")] = 1.0,
@@ -72,10 +71,10 @@ def render(
     def bodies():
         """Folder, mesh and albedo of each scene."""
         if board is not None:
-            target = calibration.Board(*board, square, kind)
-            picture = target.picture(PIXELS)
-            width = picture.shape[1] * square / PIXELS
-            places = calibration.place_boards(whole("poses", poses, 1), seed, rig, target.size)
+            printed = target.board(*board)
+            picture = printed.picture(PIXELS)
+            width = picture.shape[1] * target.square / PIXELS
+            places = calibration.place_boards(whole("poses", poses, 1), seed, rig, printed.size)
             for k, (R, t) in enumerate(places):
                 placed = calibration.PlacedBoard(picture, width, R, t)
                 yield f"pose-{k:02}", placed.mesh, placed.albedo

@@ -7,8 +7,20 @@ from typing import Annotated
 from cyclopts import App
 
 from fpputil import optics
-from fpputil.cli.options import Force, Json, System, free, option
+from fpputil.cli.options import (
+    SEVERAL,
+    UNITS,
+    Force,
+    Json,
+    Size,
+    System,
+    Unit,
+    free,
+    millimetres,
+    option,
+)
 
+LEAST = 1.0  # mm, below which a length without its unit is asked about
 New = Annotated[Path, option("New.")]
 app = App("system", help_format="markdown", help="Show or convert a camera and its projector.")
 
@@ -32,12 +44,66 @@ def show(system: System, /, *, json: Json = False) -> None:
 
 
 @app.command
-def convert(system: System, file: New, /, *, force: Force = False) -> None:
-    """Write it as .json, or as .yml for OpenCV."""
-    rig = optics.load_system(system)
+def convert(
+    system: System,
+    file: New,
+    /,
+    *,
+    reach: Annotated[
+        tuple[float, float] | None, option("Measured, near and far.", name="--range")
+    ] = None,
+    camera: Annotated[Size | None, option("Pixels of the photographs.")] = None,
+    projector: Annotated[Size | None, option("Pixels.")] = None,
+    more: Annotated[list[Path], option("Further files, as extrinsics.yml.", **SEVERAL)] = (),
+    unit: Unit = None,
+    force: Force = False,
+) -> None:
+    """Write it as .json, or as .yml for OpenCV.
+
+    With --range SYSTEM is a file of another program, as OpenCV's samples write it (YAML, XML) or
+    plain JSON: K and D of camera and projector, and R and T from the first to the second, under
+    any usual name (M1 D1 M2 D2 R T, cam_K cam_kc proj_K proj_kc, cam1_intrinsics ...). What it
+    lacks is given: the sizes of the pictures, the measuring range, the unit of T and range.
+    """
+    if reach is None:
+        if others := given_names(camera=camera, projector=projector, more=more, unit=unit):
+            raise ValueError(f"--{others[0]} without --range given; a file of another needs both")
+        rig = optics.load_system(system)
+    else:
+        rig = _of_others([Path(system), *more], camera, projector, reach, unit)
     free(file, force)
     rig.save(file)
     print(f"{system} is in {file}")
+
+
+def given_names(**options) -> list[str]:
+    """Names of the options that were given."""
+    return [name for name, value in options.items() if value]
+
+
+def _of_others(files: list[Path], camera, projector, reach, unit: str | None):
+    from fpputil.checks import one_line
+    from fpputil.optics.opencv_files import matrices_of, read_entries
+    from fpputil.optics.system import assemble_system
+
+    near, far = millimetres(unit, LEAST, range=reach[0], far=reach[1])
+    entries: dict = {}
+    for file in files:
+        if not file.is_file():
+            raise FileNotFoundError(f"{file} given; there is no such system file")
+        try:
+            entries |= read_entries(file)
+        except Exception as error:  # OpenCV's parser has errors of its own
+            reason = one_line(error)
+            raise ValueError(f"{file} is cut, or no YAML, XML or JSON ({reason})") from error
+    if "z_min" in entries:
+        raise ValueError(f"--range given; {files[0]} is a system already and has one")
+    try:
+        return assemble_system(
+            matrices_of(entries), camera, projector, near, far, UNITS[unit or "mm"]
+        )
+    except ValueError as error:
+        raise ValueError(f"{', '.join(map(str, files))}: {error}") from error
 
 
 def describe(system) -> dict:

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fpputil.capture.photographs import read_photograph
+from fpputil.capture.images import grey, read_pixels
 from fpputil.checks import anything, one_line, one_or_more, parse_json
 from fpputil.dataset import layout
 from fpputil.dataset.generation import fill, new_plan, portable, split_by_model
@@ -220,7 +220,7 @@ def _read_scene(folder: Path, shared: dict) -> np.ndarray:
     names = _names(f["steps"] for f in shared["frames"])
     if missing := [n for n in names if not (folder / n).is_file()]:
         raise ValueError(f"{len(missing)} of {len(names)} photographs are missing: {missing[:3]}")
-    frames = [read_photograph(folder / name) for name in names]
+    frames = [_whole_levels(read_pixels(folder / name)) for name in names]
     for name, frame in zip(names, frames, strict=True):
         if frame.dtype != np.uint8 or frame.shape != size:
             raise ValueError(
@@ -228,6 +228,12 @@ def _read_scene(folder: Path, shared: dict) -> np.ndarray:
                 f"{INDEX} has {size[1]} x {size[0]}, and 8 bit are needed"
             )
     return np.stack(frames)
+
+
+def _whole_levels(image: np.ndarray) -> np.ndarray:
+    """Grey of a photograph; of 8 bits in colour it is rounded, for a dataset stores 8 bits."""
+    levels = grey(image)
+    return np.floor(levels + 0.5).astype(np.uint8) if image.dtype == np.uint8 else levels
 
 
 def _decoded(shared: dict, frames: np.ndarray) -> dict[str, np.ndarray]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import re
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from multiprocessing import get_context, parent_process
+from pathlib import Path
 
 from fpputil.checks import whole
 
@@ -66,8 +68,23 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
+def _check_main() -> None:
+    """RuntimeError if the script that runs would run again in each process that it starts."""
+    main = sys.modules["__main__"]
+    path, spec = Path(getattr(main, "__file__", None) or "none"), getattr(main, "__spec__", None)
+    if not path.is_file() or path.suffix != ".py" or (spec and spec.name.endswith("__main__")):
+        return  # nothing that a new process runs again
+    code = path.read_bytes()
+    if b"__main__" not in code and b"parent_process" not in code:
+        raise RuntimeError(
+            f"{path.name} starts processes, each of which would run it from its first line; put "
+            'what it does under a line `if __name__ == "__main__":`, or use one worker'
+        )
+
+
 @contextmanager
 def _processes(workers: int) -> Iterator[Executor]:
+    _check_main()
     # Spawned, not forked: Embree, BLAS and Zarr have threads that a fork would cut in half.
     pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin_worker)
     try:

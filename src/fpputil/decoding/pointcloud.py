@@ -4,12 +4,17 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import trimesh
 from scipy.optimize import least_squares
+from scipy.spatial import cKDTree
 
+from fpputil.checks import positive, whole
 from fpputil.files import write_whole
 from fpputil.optics.shapes import check_mesh
+
+NEIGHBOURS = 16  # of a point, whose mean distance tells whether it is lone
 
 
 def point_cloud(points: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
@@ -27,7 +32,87 @@ def point_cloud(points: np.ndarray, mask: np.ndarray | None = None) -> np.ndarra
     return points[keep]
 
 
-def surface(points: np.ndarray, max_edge: float = np.inf) -> trimesh.Trimesh:
+def clean_points(
+    points: np.ndarray,
+    sigma: np.ndarray | None = None,
+    *,
+    max_sigma: float | None = None,
+    lone: float | None = None,
+    min_area: int = 1,
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Points without those that are uncertain, lone, or in specks. Chapter 12.
+
+    Parameters
+    ----------
+    points : (H, W, 3) array
+        mm; NaN where there is none.
+    sigma : (H, W) array, optional
+        Standard deviation of each depth, mm.
+    max_sigma : float, optional
+        Most of it that a point may have, mm.
+    lone : float, optional
+        Take away points whose mean distance to their 16 nearest neighbours is more than so many
+        standard deviations above the mean of all (Rusu et al. 2008, as in PCL and Open3D).
+    min_area : int
+        Least pixels of a connected part of the picture.
+
+    Returns
+    -------
+    (H, W, 3) array, dict of str to int
+        The points, NaN where they were taken away; how many for each reason.
+
+    Raises
+    ------
+    ValueError
+        If a limit is no positive number, or `max_sigma` comes without `sigma`.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(12.0), np.arange(9.0))
+    >>> points = np.stack([x, y, 600 + 0 * x], -1)
+    >>> points[2, 3, 2] = 650
+    >>> points[:, 9], points[:6, 10:] = np.nan, np.nan
+    >>> clean_points(points, lone=3, min_area=20)[1]
+    {'lone': 1, 'in specks': 6}
+    """
+    points, removed = points.copy(), {}
+
+    def take(fault, why):
+        fault &= np.isfinite(points).all(axis=-1)
+        points[fault], removed[why] = np.nan, int(fault.sum())
+
+    if max_sigma is not None:
+        limit = positive("max_sigma", max_sigma, "mm")
+        if sigma is None:
+            raise ValueError(f"max_sigma {max_sigma} without sigma given; it is a limit of that")
+        take(~(sigma <= limit), "uncertain")
+    if lone is not None:
+        take(_lone(points, positive("lone", lone, "standard deviations")), "lone")
+    if whole("min_area", min_area, 0) > 1:
+        take(_specks(np.isfinite(points).all(axis=-1), min_area), "in specks")
+    return points, removed
+
+
+def _lone(points, ratio) -> np.ndarray:
+    """Where the mean distance to the nearest points is far above that of all, (H, W) bool."""
+    lone, there = np.zeros(points.shape[:2], bool), np.isfinite(points).all(axis=-1)
+    cloud = points[there]
+    if len(cloud) > NEIGHBOURS:
+        distances, _ = cKDTree(cloud).query(cloud, k=NEIGHBOURS + 1)
+        mean = distances[:, 1:].mean(axis=1)
+        lone[there] = mean > mean.mean() + ratio * mean.std()
+    return lone
+
+
+def _specks(mask, least) -> np.ndarray:
+    """Parts of a mask of fewer pixels than `least`, (H, W) bool; corners connect, too."""
+    _, parts, about, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    return mask & (about[:, cv2.CC_STAT_AREA] < least)[parts]
+
+
+def surface(
+    points: np.ndarray, max_edge: float = np.inf, colours: np.ndarray | None = None
+) -> trimesh.Trimesh:
     """Triangles between neighbouring pixels of (H, W, 3) points. Chapter 6.
 
     Parameters
@@ -36,6 +121,8 @@ def surface(points: np.ndarray, max_edge: float = np.inf) -> trimesh.Trimesh:
         mm; NaN pixels are left out.
     max_edge : float
         Triangles with a longer edge, mm, are dropped: they bridge a step in depth.
+    colours : (H, W, 3) uint8 array, optional
+        Of the points.
 
     Examples
     --------
@@ -48,20 +135,34 @@ def surface(points: np.ndarray, max_edge: float = np.inf) -> trimesh.Trimesh:
     a, b, c, d = pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]
     faces = np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, c, b), (b, c, d))])
     vertices = points.reshape(-1, 3)
+    faces = faces[np.isfinite(vertices).all(axis=1)[faces].all(axis=1)]
     corners = vertices[faces]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    faces = faces[(edges <= max_edge).all(axis=1)]  # NaN compares false
+    faces = faces[(edges <= max_edge).all(axis=1)]
     if len(faces) == 0:
         raise ValueError(
             f"no triangle with edges up to {max_edge} mm between finite points; "
             "a surface needs neighbouring points"
         )
     used, faces = np.unique(faces, return_inverse=True)
-    return trimesh.Trimesh(vertices[used], faces.reshape(-1, 3), process=False)
+    colours = None if colours is None else colours.reshape(-1, 3)[used]
+    faces = faces.reshape(-1, 3)
+    return trimesh.Trimesh(vertices[used], faces, vertex_colors=colours, process=False)
+
+
+def typical_edge(points: np.ndarray) -> float:
+    """Median distance of points (H, W, 3) that are neighbours in a row or a column, mm.
+
+    >>> x, y = np.meshgrid(np.arange(3.0), np.arange(4.0))
+    >>> typical_edge(np.stack([x, y, 600 + 0 * x], -1))
+    1.0
+    """
+    steps = [np.linalg.norm(np.diff(points, axis=k), axis=-1).ravel() for k in (0, 1)]
+    return float(np.nanmedian(np.concatenate(steps)))
 
 
 def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = None) -> None:
-    """Write points (P, 3) or a mesh, mm, as binary PLY, whole or not at all.
+    """Write points (P, 3) or a mesh with its normals, mm, as binary PLY, whole or not at all.
 
     `colours`, (P, 3) uint8, are those of the points.
 
@@ -86,7 +187,8 @@ def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = Non
                 f"{points.shape} points take as many uint8 colours"
             )
         geometry = trimesh.PointCloud(points, colours)
-    write_whole(path, geometry.export(file_type="ply"))
+    normals = {"vertex_normal": True} if isinstance(geometry, trimesh.Trimesh) else {}
+    write_whole(path, geometry.export(file_type="ply", **normals))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from fpputil.checks import conform, finite, one_line, one_or_more, positive
 from fpputil.files import write_whole
+from fpputil.optics import opencv_files
 from fpputil.optics.pinhole import Pinhole, camera_matrix
 
 
@@ -140,6 +141,8 @@ class System:
     def save(self, path: str | os.PathLike) -> None:
         """Write the system as JSON (``.json``) or OpenCV YAML (``.yml``, ``.yaml``)."""
         path = Path(path)
+        if path.suffix == ".xml":
+            raise ValueError(f"{path.name} given; a system is written as .json, .yml or .yaml")
         plain = json.dumps(system_to_dict(self), indent=2) + "\n"
         write_whole(path, (_to_yaml(self) if _is_yaml(path) else plain).encode())
 
@@ -153,6 +156,8 @@ class System:
             parse = _from_yaml if _is_yaml(path) else json.loads
             return system_from_dict(parse(path.read_text(encoding="utf-8")))
         except Exception as error:  # OpenCV's parser has errors of its own
+            if said := _of_others(path):
+                raise ValueError(said) from error
             raise ValueError(
                 f"{path} given; a system file holds camera, projector, z_min and z_max whole "
                 f"({type(error).__name__}: {one_line(error)})"
@@ -208,7 +213,7 @@ def preset(name: str) -> Preset:
 
 
 def _is_yaml(path: Path) -> bool:
-    if path.suffix not in (".json", ".yml", ".yaml"):
+    if path.suffix not in (".json", ".yml", ".yaml", ".xml"):
         raise ValueError(f"{path.name} given; a system file ends in .json, .yml or .yaml")
     return path.suffix != ".json"
 
@@ -257,6 +262,65 @@ def _from_yaml(text: str) -> dict:
 
     pinholes = {k: {n: value(f"{k}_{n}") for n in PINHOLE} for k in ("camera", "projector")}
     return {**pinholes, "z_min": value("z_min"), "z_max": value("z_max")}
+
+
+def assemble_system(
+    matrices: dict[str, np.ndarray],
+    camera: tuple[int, int] | None,
+    projector: tuple[int, int] | None,
+    z_min: float,
+    z_max: float,
+    unit: float = 1.0,
+) -> System:
+    """A system of the matrices of another program, as `matrices_of` finds them. Chapter 12.
+
+    ``x_projector = R x_camera + T``, as OpenCV's stereo calibration of a camera and, second, a
+    projector has it. Sizes (width, height), pixels, take the place of those in the matrices; the
+    measuring range is in mm, and `unit` is how many mm that of T is.
+
+    Raises
+    ------
+    ValueError
+        If something is missing, and the message says what; or T is so short that its unit must
+        be another one.
+    """
+    sizes = {"camera size": camera, "projector size": projector}
+    matrices = matrices | {k: np.array(size) for k, size in sizes.items() if size is not None}
+    if missing := opencv_files.missing_of(matrices):
+        raise ValueError(f"no {', '.join(missing)} found or given; all are needed")
+    T = matrices["T"].ravel() * unit
+    if T.shape != (3,) or not np.linalg.norm(T) >= opencv_files.LEAST:
+        raise ValueError(
+            f"T {T.tolist()} mm given, {np.linalg.norm(T):.3g} mm long; the three coordinates of "
+            "the camera in the projector's frame are needed: give the unit (--unit m)"
+        )
+    poses = (np.eye(3), np.zeros(3)), (opencv_files.rotation_of(matrices["R"]), T)
+    pinholes = []
+    for who, (R, t) in zip(("camera", "projector"), poses, strict=True):
+        width, height = (int(side) for side in matrices[f"{who} size"].ravel())
+        distortion = matrices.get(f"{who} D", np.zeros(0)).ravel()
+        K = matrices[f"{who} K"].reshape(3, 3)
+        pinholes.append(Pinhole(width, height, K, R, t, distortion))
+    return System(*pinholes, z_min, z_max)
+
+
+def _of_others(path: Path) -> str:
+    """What to do with matrices of another program; "" if there are none."""
+    try:
+        entries = opencv_files.read_entries(path)
+        matrices = opencv_files.matrices_of(entries)
+    except Exception:  # no such file, either
+        return ""
+    if {"z_min", "z_max", "camera_R", "camera_t"} & set(entries):  # of ours, and damaged
+        return ""
+    if not {"camera K", "projector K", "R", "T"} & set(matrices):
+        return ""
+    missing = ", ".join(["measuring range", *opencv_files.missing_of(matrices)])
+    return (
+        f"{path} given; it holds {', '.join(matrices)} of another program, and no {missing}: "
+        f"`fpp system convert {path.name} new.json --range NEAR FAR` makes a system of it "
+        "(--camera WxH, --projector WxH, --more FILE, --unit)"
+    )
 
 
 def load_system(name: str | os.PathLike) -> System:
