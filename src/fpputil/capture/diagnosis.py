@@ -5,18 +5,19 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import combinations
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.measurement import Measurement
+from fpputil.capture.mounting import growth, growth_by, heading, local_gradients, way, writing
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Reason
 from fpputil.decoding import phase
+from fpputil.optics.system import System
 
 FINDINGS = {
     "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
@@ -36,8 +37,22 @@ FINDINGS = {
     ),
     "direction": (
         "the projector's {axis}s grow {way} in the picture",
-        "give shift {shift}: the steps go the other way; if they do not, the projector or the "
-        "camera is mirrored or upside down: set it right, or use --accept",
+        "project writing and photograph it: if it stands upright, the steps go the other way: give "
+        "shift {shift}; on its head, the projector or the camera hangs so and the phases are right:"
+        " use --accept, or --system with a calibration of this mounting; mirrored, a mirror image "
+        "is set in the projector's menu or the camera's program",
+    ),
+    "mounting": (
+        "the projector's {axis}s grow {way} in the picture, by the system {expected}",
+        "project writing and photograph it: by the system it {writing}; if it does, the steps go "
+        "the other way: give shift {shift}; if not, the system is of another mounting: calibrate "
+        "this one",
+    ),
+    "mirrored": (
+        "the photographs are mirrored left to right{against}",
+        "if writing on the scene reads backwards, the camera's program mirrors, else the "
+        "projector's menu (rear projection): set it right; or calibrate with photographs made the "
+        "same way and give that --system",
     ),
     "offset": (
         "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
@@ -81,16 +96,43 @@ FINDINGS = {
         "counts the rounding of grey levels alone",
         "take five steps or more at one pitch, or give --noise and --gamma",
     ),
+    "range": (
+        "{share:.0%} of the pixels in the mask have no depth from {span} ({near:.0%} lie nearer, "
+        "{far:.0%} farther)",
+        "give the system that was calibrated with this very rig; or, if things stand outside its "
+        "measuring range, set z_min and z_max in its file",
+    ),
+    "beam": (
+        "{share:.0%} of the points lie where the projector of the system sends no light",
+        "the system is of another rig, or something moved since: calibrate this one",
+    ),
+    "apart": (
+        "columns and rows contradict each other by {apart:.1f} projector pixels (median)",
+        "the system is of another rig, or something moved since: calibrate this one",
+    ),
+    "blunt": (
+        "by this system {other}s would tell the depth {times:.0f} times "
+        "as sharply as these {axis}s",
+        "project fringes along {other}s, or along both axes (fpp patterns --axis both)",
+    ),
+    "vague": (
+        "the depth is uncertain by {sigma:.2g} mm (median)",
+        "set camera and projector farther apart, take more steps or light, or a shorter pitch",
+    ),
 }
 """Of each finding by its code what is the matter, and what to do about it."""
 
 SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
+SEVERE += ("mounting", "mirrored", "blunt")
 """Findings with which the phases are wrong; with the others they are noisier or fewer."""
+
+MOUNTED = ("direction", "mounting", "mirrored")
+"""Findings on how the projector hangs, which a calibration takes as it is."""
 
 ORDER = ("offset", "disagree", "orders")
 FOLLOW = {
     **dict.fromkeys(("frame", "exchanged"), (*ORDER, "response")),
-    **dict.fromkeys(("swapped", "pitch", "direction"), ORDER),
+    **dict.fromkeys(("swapped", "pitch", "direction", "mounting"), ORDER),
     "offset": ("orders",),
     **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
     "clipped": ("response",),
@@ -102,7 +144,6 @@ HARMONIC = 0.02  # second harmonic over the fringe, above which a response count
 PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order step
-SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
 ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
 STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
 STRONG = 400  # pixels at which photographs are compared
@@ -120,10 +161,17 @@ class Finding(NamedTuple):
     remedy: str
 
 
-def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
+def diagnose(
+    measurement: Measurement,
+    capture: Capture,
+    system: System | None = None,
+    ignored: Collection[str] = (),
+) -> list[Finding]:
     """All that speaks against a capture along the axis of a measurement. Chapter 12.
 
-    The severe come first; what another finding explains is left out.
+    The severe come first; what another finding explains is left out. With a system the fringes
+    are to run as it says that the projector hangs, without one as an upright one's. The codes of
+    findings that are ignored neither count nor explain others.
 
     Examples
     --------
@@ -140,8 +188,10 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_repeated, _frequencies, _offset, _clipping, _response, _light)
-    findings = [finding for check in checks for finding in check(measurement, capture)]
+    checks = (_repeated, _offset, _clipping, _response, _light)
+    findings = list(_frequencies(measurement, capture, system))
+    findings += [finding for check in checks for finding in check(measurement, capture)]
+    findings = [finding for finding in findings if finding.code not in ignored]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
     findings = [finding for finding in findings if finding.code not in follow]
@@ -150,7 +200,7 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
 
 def _finding(code: str, severe: bool | None = None, **values) -> Finding:
     message, remedy = (text.format(**values) for text in FINDINGS[code])
-    return Finding(code, code in SEVERE if severe is None else severe, message, remedy)
+    return Finding(code, code in SEVERE if severe is None else bool(severe), message, remedy)
 
 
 def _fringe(m: Measurement, k: int) -> str:
@@ -178,14 +228,33 @@ def _repeated(m, capture) -> Iterator[Finding]:
             yield _finding("frame", files=", ".join(files[n] for n in bad), fringe=_fringe(m, k))
 
 
-def _frequencies(m, capture) -> Iterator[Finding]:
+def mirrored(column: Measurement, row: Measurement, system: System | None = None) -> list[Finding]:
+    """A mirror between camera and projector, which fringes along both axes show. Chapter 12.
+
+    A projector that is turned, or steps that go the other way, do not look like one.
+    """
+    turn = np.linalg.det([growth(m, local_gradients(m)) for m in (column, row)])
+    expected = 1.0 if system is None else np.linalg.det(growth_by(system))
+    if not turn * expected < 0:
+        return []
+    return [_finding("mirrored", against="" if system is None else " against those of the system")]
+
+
+def _frequencies(m, capture, system) -> Iterator[Finding]:
     """What the local frequencies tell of the pitches and of the direction."""
-    frequencies = local_frequencies(m)
+    grown = growth(m, gradients := local_gradients(m))
+    towards = heading(m.axis, grown, system)
+    frequencies = np.linalg.norm(gradients, axis=1) if towards is None else gradients @ towards
     yield from _pitches(m, np.abs(frequencies))
     clear = np.abs(frequencies) > 1e-3
-    if clear.any() and np.median(np.sign(frequencies[clear])) <= 0:  # they fall, and should grow
-        way = "from right to left" if m.axis == "column" else "upwards"
-        yield _finding("direction", axis=m.axis, way=way, shift=-capture.patterns.shift)
+    if towards is None or not clear.any() or np.median(np.sign(frequencies[clear])) > 0:
+        return  # they grow, as they should
+    named = {"axis": m.axis, "way": way(grown), "shift": -capture.patterns.shift}
+    if system is None:
+        yield _finding("direction", **named)
+    else:
+        named |= {"expected": way(towards), "writing": writing(system)}
+        yield _finding("mounting", **named)
 
 
 def _pitches(m, frequencies) -> Iterator[Finding]:
@@ -211,21 +280,6 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
     else:
         likely = ", ".join(f"{declared[0] * frequencies[0] / f:.3g}" for f in frequencies)
         yield _finding("pitch", pitches=pitches, axis=m.axis, likely=likely)
-
-
-def local_frequencies(m: Measurement) -> np.ndarray:
-    """Median local frequency of each pitch along its axis, radians a pixel, (P,); signed.
-
-    Above pi a pixel it wraps, and tells nothing.
-    """
-    along, lit, medians = (1 if m.axis == "column" else 0), m.lit, []
-    for phi in m.wrapped:
-        phasor = np.exp(1j * phi)
-        turn = np.roll(phasor, -1, along) * phasor.conj() * (lit & np.roll(lit, -1, along))
-        parts = turn.view(np.float32).reshape(*lit.shape, 2)
-        smooth = cv2.boxFilter(parts, -1, SMOOTH).view(np.complex64)[..., 0]
-        medians.append(np.median(np.angle(smooth[lit])) if lit.any() else np.nan)
-    return np.array(medians)
 
 
 def _offset(m, capture) -> Iterator[Finding]:

@@ -13,8 +13,9 @@ import tifffile
 from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
-from fpputil.capture.diagnosis import Finding, diagnose
-from fpputil.capture.measurement import Measurement, check_size, measure
+from fpputil.capture.depth import diagnose_points, locate, trusted
+from fpputil.capture.diagnosis import MOUNTED, Finding, diagnose, mirrored
+from fpputil.capture.measurement import Measurement, check_projector, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.decoding.triangulation import depth_of
@@ -33,8 +34,8 @@ class DecodedFolder:
     measurements, findings : tuples of Measurement and Finding
         Of each axis of the patterns; what speaks against them.
     points : (H, W, 3) array or None
-        World coordinates, mm; NaN outside mask and measuring range. None without a system or
-        fringes along columns, or if the phases are wrong.
+        World coordinates, mm; NaN outside mask and measuring range. None without a system, or if
+        the phases or the points are wrong.
     """
 
     out: Path
@@ -101,6 +102,7 @@ def decode_folder(
     capture = open_capture(folder, patterns, full)
     if system is not None:
         check_size(system, capture.size)
+        check_projector(system, capture.patterns.projector)
     folder = folder if folder.name else folder.absolute()  # "." has no name
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     with folder_whole(out, "fpp decode", force, [folder]) as partial:
@@ -109,9 +111,12 @@ def decode_folder(
         with tqdm(total=total, unit="photo", leave=False, disable=quiet) as bar:
             how |= {"system": system, "each": bar.update}
             measurements = tuple(measure(capture, axis, **how) for axis in axes)
-        findings = tuple(f for one in measurements for f in diagnose(one, capture))
+        findings = _findings(measurements, capture, system)
+        points = depth = located = None
+        if system is not None and (accept or not any(f.severe for f in findings)):
+            located = locate(measurements, system)
+            findings += tuple(diagnose_points(located, measurements, system))
         decoded = accept or not any(f.severe for f in findings)
-        points = depth = None
         summary = {
             "decoded": decoded,
             "findings": [f._asdict() for f in findings],
@@ -119,16 +124,15 @@ def decode_folder(
         }
         if decoded:
             arrays = {k: v for one in measurements for k, v in one.arrays().items()}
-            vertical = next((one for one in measurements if one.axis == "column"), None)
-            if system is not None and vertical is not None:
-                points = vertical.points(system)
+            if located is not None:
+                points, sigma = located.points, located.sigma
+                sigma[~(good := trusted(located, system))] = points[~good] = np.nan
                 depth = depth_of(points, system)
-                sigma = vertical.depth_sigma(depth, system)
                 colours = capture.colours()
                 if colours is None:  # the average of the fringes stands in
-                    colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
+                    colours = np.stack([measurements[0].average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
-                arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
+                arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma}
             np.savez(partial / "decoded.npz", **arrays)
             for key, values in arrays.items() if pictures else ():
                 if values.dtype.kind != "f":  # a mask as 0 and 255, a reason as it is
@@ -144,6 +148,13 @@ def decode_folder(
         text = json.dumps(summary, indent=1) + "\n"
         (partial / "summary.json").write_text(text, encoding="utf-8")
     return DecodedFolder(out, summary, measurements, findings, points)
+
+
+def _findings(measurements, capture, system) -> tuple[Finding, ...]:
+    """What speaks against the phases of all axes; a mirror once, and no direction beside it."""
+    both = mirrored(*measurements, system) if len(measurements) > 1 else []
+    alone = [f for one in measurements for f in diagnose(one, capture, system)]
+    return (*both, *(f for f in alone if not (both and f.code in MOUNTED)))
 
 
 def board_pose(
@@ -164,7 +175,8 @@ def board_pose(
     Raises
     ------
     ValueError
-        If the fringes do not run along both axes, or a finding is severe.
+        If the fringes do not run along both axes, or a finding is severe; how the projector hangs
+        is none.
     """
     capture = open_capture(folder, patterns)
     if set(capture.patterns.axes) != {"column", "row"}:
@@ -173,7 +185,9 @@ def board_pose(
             "columns and rows (`fpp patterns --axis both`)"
         )
     across, down = (measure(capture, axis) for axis in ("column", "row"))
-    if severe := [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]:
+    both = across, down
+    if any(f.severe for m in both for f in diagnose(m, capture, ignored=MOUNTED)):
+        severe = [f.message for m in both for f in diagnose(m, capture) if f.severe]
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)

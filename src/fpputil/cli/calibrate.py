@@ -35,14 +35,22 @@ def calibrate(
     shared = None if patterns is None else capture.Patterns.load(patterns)
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} given; there is no such folder")
-    read = [capture.board_pose(path, shared) for path in sorted(folder.iterdir()) if path.is_dir()]
-    if not read:
+    folders = [path for path in sorted(folder.iterdir()) if path.is_dir()]
+    if not folders:
         raise ValueError(f"{folder} given; it holds no folder, and a pose is a folder")
-    poses, projectors = zip(*read, strict=True)
-    if len(sizes := sorted(set(projectors))) > 1:
-        raise ValueError(f"projectors of {sizes} pixels given; all poses need one")
+    poses, sizes, unread = [], set(), {}
+    for path in folders:
+        try:
+            pose, size = capture.board_pose(path, shared)
+        except (ValueError, OSError) as error:  # one bad pose does not cost the others
+            unread[path.name] = str(error)
+            continue
+        poses.append(pose)
+        sizes.add(size)
+    if len(sizes) > 1:
+        raise ValueError(f"projectors of {sorted(sizes)} pixels given; all poses need one")
     lenses = {"lens": lens, "projector_lens": projector_lens}
-    fit = calibration.calibrate(target, list(poses), projectors[0], *reach, **lenses)
+    fit = calibration.calibrate(target, poses, *sizes or [None], *reach, unread=unread, **lenses)
     free(system, force)  # once more: calibrating takes its time
     fit.system.save(system)
     if json:

@@ -23,7 +23,7 @@ class Files:
     files: Annotated[
         str | None, option("Names, as '{axis}-{pitch}-{step:02}.png', or '*.png' in order of time.")
     ] = None
-    projector: Annotated[Size, option("Pixels.")] = (912, 1140)
+    projector: Annotated[Size | None, option("Pixels (default: the system's, or 912x1140).")] = None
     first: Annotated[int, option("Number of the first step in a name.")] = 0
     order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
     white: Annotated[str, option("Photograph in plain light.")] = ""
@@ -64,6 +64,8 @@ def decode(
 
     exponent = None if gamma == "auto" else positive("gamma", _number(gamma))
     rig = None if system is None else optics.load_system(system)
+    if rig is not None and names.files is not None and names.projector is None:
+        names = replace(names, projector=(rig.projector.width, rig.projector.height))
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
@@ -90,7 +92,7 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
         raise ValueError("--patterns and --files given; one of them names the photographs")
     if names.files is not None:
         options = given(names)
-        return fringes.patterns(options.pop("projector"), **options)
+        return fringes.patterns(options.pop("projector", (912, 1140)), **options)
     if beside := given(replace(fringes, shift=None)):
         reason = "a pattern file tells it, or --files and all the others do"
         raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
@@ -113,5 +115,5 @@ def _print(decoded, system) -> None:
     elif system is None:
         print("no --system given: phases, but no depth and no points")
     if not summary["decoded"]:
-        print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
+        print("with errors nothing but the report is written; --accept writes it", file=sys.stderr)
     print(f"{'written to' if summary['decoded'] else 'the report is in'} {decoded.out}")
