@@ -6,16 +6,42 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fpputil.capture.diagnosis import Finding, _finding
+from fpputil.capture.diagnosis import Finding
 from fpputil.capture.measurement import Measurement
 from fpputil.decoding.triangulation import Intersection, depth_of, in_range, intersect
 from fpputil.decoding.unwrap import TWO_PI
 from fpputil.optics.system import System
 
-SHARE, MOST = 0.05, 0.5  # of the pixels in the mask: from the first on it is told, from the
-# other on an error
+POINT_FINDINGS = {
+    "range": (
+        "{share:.0%} of the pixels in the mask have no depth from {span} ({near:.0%} lie nearer, "
+        "{far:.0%} farther)",
+        "give the system that was calibrated with this very rig; or, if things stand outside its "
+        "measuring range, set z_min and z_max in its file",
+    ),
+    "beam": (
+        "{share:.0%} of the points lie where the projector of the system sends no light",
+        "the system is of another rig, or something moved since: calibrate this one",
+    ),
+    "apart": (
+        "columns and rows contradict each other by {apart:.1f} projector pixels (median)",
+        "the system is of another rig, or something moved since: calibrate this one",
+    ),
+    "blunt": (
+        "by this system {other}s would tell the depth {times:.0f} times as sharply as these "
+        "{axis}s",
+        "project fringes along {other}s, or along both axes (fpp patterns --axis both)",
+    ),
+    "vague": (
+        "the depth is uncertain by {sigma:.2g} mm (median)",
+        "set camera and projector farther apart, take more steps or light, or a shorter pitch",
+    ),
+}
+"""Of each finding about points by its code what is the matter, and what to do about it."""
+
+SHARE, MOST = 0.05, 0.5  # of the pixels in the mask: told from the one on, an error from the other
 APART, TOO_FAR = 0.5, 1.5  # projector pixels, likewise
-DIFFERENT = 2.0  # projector pixels, and five standard deviations, beyond which a point is dropped
+DIFFERENT = 2.0  # projector pixels between column and row, beyond which a point is dropped
 VAGUE, BLIND = 0.005, 0.02  # median uncertainty of the depth, of the measuring range, likewise
 BLUNT = 3.0  # times as many pixels a millimetre by the other axis
 FEW = 2000  # points, about, at which a system is asked
@@ -74,7 +100,12 @@ def diagnose_points(
     rates = dict(zip(("column", "row"), _rates(located.points[mask][within], system), strict=True))
     axis, other = sorted(rates, key=lambda axis: axis != measurements[0].axis)
     if len(measurements) == 1 and rates[other] > BLUNT * rates[axis]:
-        yield _finding("blunt", axis=axis, other=other, times=rates[other] / rates[axis])
+        yield _finding("blunt", True, axis=axis, other=other, times=rates[other] / rates[axis])
+
+
+def _finding(code: str, severe: bool, **values) -> Finding:
+    message, remedy = (text.format(**values) for text in POINT_FINDINGS[code])
+    return Finding(code, bool(severe), message, remedy)
 
 
 def _rates(points, system) -> np.ndarray:

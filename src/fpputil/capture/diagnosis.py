@@ -96,34 +96,11 @@ FINDINGS = {
         "counts the rounding of grey levels alone",
         "take five steps or more at one pitch, or give --noise and --gamma",
     ),
-    "range": (
-        "{share:.0%} of the pixels in the mask have no depth from {span} ({near:.0%} lie nearer, "
-        "{far:.0%} farther)",
-        "give the system that was calibrated with this very rig; or, if things stand outside its "
-        "measuring range, set z_min and z_max in its file",
-    ),
-    "beam": (
-        "{share:.0%} of the points lie where the projector of the system sends no light",
-        "the system is of another rig, or something moved since: calibrate this one",
-    ),
-    "apart": (
-        "columns and rows contradict each other by {apart:.1f} projector pixels (median)",
-        "the system is of another rig, or something moved since: calibrate this one",
-    ),
-    "blunt": (
-        "by this system {other}s would tell the depth {times:.0f} times "
-        "as sharply as these {axis}s",
-        "project fringes along {other}s, or along both axes (fpp patterns --axis both)",
-    ),
-    "vague": (
-        "the depth is uncertain by {sigma:.2g} mm (median)",
-        "set camera and projector farther apart, take more steps or light, or a shorter pitch",
-    ),
 }
 """Of each finding by its code what is the matter, and what to do about it."""
 
 SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
-SEVERE += ("mounting", "mirrored", "blunt")
+SEVERE += ("mounting", "mirrored")
 """Findings with which the phases are wrong; with the others they are noisier or fewer."""
 
 MOUNTED = ("direction", "mounting", "mirrored")
@@ -200,7 +177,7 @@ def diagnose(
 
 def _finding(code: str, severe: bool | None = None, **values) -> Finding:
     message, remedy = (text.format(**values) for text in FINDINGS[code])
-    return Finding(code, code in SEVERE if severe is None else bool(severe), message, remedy)
+    return Finding(code, code in SEVERE if severe is None else severe, message, remedy)
 
 
 def _fringe(m: Measurement, k: int) -> str:

@@ -25,7 +25,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "zmin_order",
         ],
         "decoder": ["Decoded", "decode"],
-        "triangulation": ["column", "depth_of", "points_of", "triangulate"],
+        "triangulation": ["column", "depth_of", "intersect", "points_of", "triangulate"],
         "phase_height": ["PhaseHeight", "fit_phase_height"],
         "pointcloud": ["fit_plane", "fit_sphere", "point_cloud", "save_ply", "surface"],
         "fourier": ["carrier", "fourier_phase"],
