@@ -165,6 +165,7 @@ def comparisons(peer: str | None) -> dict:
         "measuring 640x480": networks.bench_measuring,
         "methods 640x480": rivals.bench_rivals,
         "capture of 60 files, 1920x1200": captures.bench_captures,
+        "lenses of a capture, 1920x1200": captures.bench_lens,
     }
     if blender_works():
         found[cycles.TITLE] = cycles.bench_cycles

@@ -3,10 +3,14 @@
 import os
 import shutil
 import signal
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fpputil.optics.fringes import fringe_set
+from fpputil.optics.pinhole import looking
 from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import sphere
 from fpputil.optics.system import preset
@@ -28,6 +32,22 @@ def tiny():
 @pytest.fixture(scope="session")
 def paper():
     return preset("paper")
+
+
+@pytest.fixture(scope="session")
+def hung():
+    """Function from a system to one whose projector stands elsewhere, and is rolled, degrees.
+
+    It looks at where the axes of the presets cross.
+    """
+
+    def hang(system, centre=(45, 0, 150), roll=0.0):
+        p = system.projector
+        upright = looking(centre, (0, 0, 664), (p.width, p.height), 30).R
+        R = Rotation.from_euler("z", roll, degrees=True).as_matrix() @ upright
+        return replace(system, projector=replace(p, R=R, t=-R @ np.array(centre, float)))
+
+    return hang
 
 
 @pytest.fixture(scope="session")

@@ -45,11 +45,6 @@ def into_a_full_folder(path):
     decode_folder(folder_of(path), path / "there")
 
 
-def of_rows(path):
-    result = measured(path, (1140, 114), axis="row", how={"axis": "row"})
-    return result.points(preset("tiny").system)
-
-
 def promised(path, head, sizes):
     """A file of nothing but a head, which promises 30,000 x 30,000 pixels."""
     path.write_bytes(head + struct.pack(sizes, *[30_000] * (len(sizes) - 1)) + bytes(64))
@@ -93,7 +88,6 @@ REFUSALS = {
     "a pitch twice": (lambda path: measured(path, (912, 912)), "would be several photographs"),
     "first pitch": (lambda path: measured(path, (114, 24)), "must cover the whole projector"),
     "beats": (lambda path: measured(path, (14, 15), "mw"), "of their beats"),
-    "depth of rows": (of_rows, "fringes along rows given"),
     "a system of another size": (
         lambda path: decode_folder(folder_of(path), system=preset("small").system),
         "a system of 320 x 240 pixels given; the photographs have 160 x 120",

@@ -202,9 +202,16 @@ def test_a_board_is_rendered_and_calibrates_the_system(tmp_path, capsys):
     assert main([*wrong, "--force"]) == 1
     said = capsys.readouterr().err
     assert "pose-00, pose-01, pose-02, pose-03: no chessboard" in said and "inner corners" in said
-    (tmp_path / "b/pose-01/patterns.toml").unlink()
+    (tmp_path / "b/pose-01/patterns.toml").unlink()  # one bad pose of four is left out by name
+    assert main([*found, "--force"]) == 0
+    said = capsys.readouterr()
+    assert "pose-01              left out: no patterns.toml in" in said.out
+    assert "3 poses were used" in said.err
+    next((tmp_path / "b/pose-02").glob("*.png")).unlink()
     assert main([*found, "--force"]) == 1
-    assert "no patterns.toml in" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "2 of 4 poses can be used; 3 are needed" in said
+    assert "pose-01: no patterns.toml in" in said and "pose-02: " in said
 
 
 @pytest.mark.slow

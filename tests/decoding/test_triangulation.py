@@ -32,6 +32,67 @@ def test_triangulation_inverts_projection(tiny, camera_lens, projector_lens):
     np.testing.assert_allclose(got[sensitive], points[sensitive], atol=1e-6)
 
 
+@pytest.mark.parametrize("known", ["row", "both"])
+@pytest.mark.parametrize("projector_lens", [(), LENS])
+def test_rows_and_both_invert_projection(tiny, hung, known, projector_lens):
+    """Of a projector above the camera, and on its side: where rows, or both, tell the depth."""
+    system = hung(tiny.system, (0, -45, 150)) if known == "row" else hung(tiny.system, roll=60)
+    camera = replace(system.camera, distortion=LENS)
+    projector = replace(system.projector, distortion=projector_lens)
+    system = replace(system, camera=camera, projector=projector)
+    points = system.points_at(np.random.default_rng(0).uniform(500, 800, (120, 160)))
+    column, row = np.moveaxis(system.projector.project(points), -1, 0)
+    found = triangulation.intersect(None if known == "row" else column, row, system)
+    sharp = found.sigma < 20  # mm a pixel
+    assert sharp.mean() > 0.6
+    np.testing.assert_allclose(found.points[sharp], points[sharp], atol=1e-5)
+    assert np.isnan(found.miss).all() if known == "row" else np.nanmax(found.miss) < 1e-6
+    inside = system.projector.inside(np.stack([column, row], -1))
+    np.testing.assert_array_equal(found.inside[sharp], inside[sharp])
+
+
+@pytest.mark.parametrize("projector_lens", [(), LENS])
+def test_two_axes_make_the_least_squares_point(tiny, hung, projector_lens):
+    """Against a search along the ray; and its scatter is what `sigma` says."""
+    system = hung(tiny.system, roll=40)
+    projector = replace(system.projector, distortion=projector_lens)
+    system, rng = replace(system, projector=projector), np.random.default_rng(1)
+    lit = projector.project(system.points_at(650.0))
+    sigma = np.array([0.3, 0.1])
+    noisy = lit + sigma * rng.standard_normal(lit.shape)
+    found = triangulation.intersect(noisy[..., 0], noisy[..., 1], system, sigma)
+    z = triangulation.depth_of(found.points, system)
+    v, u = 40, 50
+    depths = z[v, u] + np.linspace(-1, 1, 2001)
+    ways = system.camera.centre + depths[:, None] * system.camera.rays([u, v])
+    cost = (((projector.project(ways) - noisy[v, u]) / sigma) ** 2).sum(axis=1)
+    assert abs(depths[cost.argmin()] - z[v, u]) < 2e-3
+    miss = np.linalg.norm(projector.project(found.points) - noisy, axis=-1)
+    np.testing.assert_allclose(found.miss, miss, rtol=1e-5, atol=1e-5)
+    sharp = found.sigma < 2
+    assert np.std((z - 650)[sharp] / found.sigma[sharp]) == pytest.approx(1, abs=0.03)
+
+
+def test_one_axis_fills_where_the_other_is_unknown(tiny, hung):
+    system = hung(tiny.system, roll=40)
+    column, row = np.moveaxis(system.projector.project(system.points_at(650.0)), -1, 0)
+    column[:60], row[:, :80] = np.nan, np.nan
+    points = triangulation.triangulate(column, system, row)
+    assert (np.isfinite(points[..., 2]) == (np.isfinite(column) | np.isfinite(row))).all()
+    sharp = np.isfinite(points[..., 2]) & (np.abs(np.arange(160) - 80) < 70)
+    np.testing.assert_allclose(points[sharp][:, 2], 650.0, atol=1e-4)
+
+
+def test_light_that_would_come_from_behind_the_projector_makes_no_point(tiny):
+    """At the image of a point behind it, the lines meet there alone."""
+    projector = replace(tiny.system.projector, R=np.eye(3), t=np.array([-45.0, 0, -700]))
+    system = replace(tiny.system, projector=projector)
+    behind = system.points_at(650.0)
+    P = projector.P
+    column = (behind @ P[0, :3] + P[0, 3]) / (behind @ P[2, :3] + P[2, 3])
+    assert np.isnan(triangulation.triangulate(column, system)).all()
+
+
 @settings(deadline=None, max_examples=30)
 @given(u=st.integers(0, 120), v=st.integers(0, 119), z=st.floats(480, 820))
 def test_round_trip_of_any_point(u, v, z):

@@ -1,9 +1,10 @@
 """A viewer's pinhole against what a viewer sees."""
 
+import cv2
 import numpy as np
 import pytest
 
-from fpputil.optics.pinhole import looking
+from fpputil.optics.pinhole import Pinhole, camera_matrix, looking
 
 SIZE, ANGLE = (320, 240), 30.0
 EYES = {
@@ -34,3 +35,25 @@ def test_the_angle_is_that_from_the_upper_to_the_lower_edge():
     edge = 500 * np.tan(np.radians(ANGLE / 2))
     np.testing.assert_allclose(eye.project((0, -edge, 500)), (159.5, -0.5), atol=1e-9)
     np.testing.assert_allclose(eye.project((0, edge, 500)), (159.5, 239.5), atol=1e-9)
+
+
+@pytest.mark.parametrize("number", [4, 5, 8, 12, 14])
+def test_a_lens_distorts_as_with_opencv(number):
+    rng = np.random.default_rng(number)
+    lens = rng.normal(0, 0.02, number)
+    K = camera_matrix(600, 640, 480)
+    points = np.column_stack([rng.uniform(-250, 250, (200, 2)), rng.uniform(500, 700, 200)])
+    expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, lens)[0][:, 0]
+    pinhole = Pinhole(640, 480, K, distortion=lens)
+    np.testing.assert_allclose(pinhole.project(points), expected, atol=1e-9)
+    xy = points[:, :2] / points[:, 2:]
+    np.testing.assert_allclose(pinhole.pixels(xy), expected, atol=1e-9)
+
+
+def test_a_mirror_shows_the_picture_turned_from_left_to_right():
+    K, lens = camera_matrix(600, 640, 480), (-0.1, 0.03, 1e-3, -5e-4)
+    mirror = Pinhole(640, 480, K * ((-1, 1, 1), (1, 1, 1), (1, 1, 1)), distortion=lens)
+    point = np.array([100.0, 50, 600])
+    u, v = Pinhole(640, 480, K, distortion=lens).project(point)
+    np.testing.assert_allclose(mirror.project(point), (639 - u, v))
+    np.testing.assert_allclose(600 * mirror.rays((639 - u, v)), point, atol=1e-6)

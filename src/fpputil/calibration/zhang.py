@@ -6,8 +6,8 @@ each of them; so the projector sees the board, too, and both are calibrated as c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -26,6 +26,15 @@ LEAST_POSES, LEAST_POINTS = 3, 12
 FEW_POSES = 8
 LEAST_TILT = 5.0  # degrees, RMS, by which the boards' normals must vary both ways
 LEAST_COVER = 0.3  # share of the camera's picture
+
+
+MIRRORED = {
+    "camera": "the photographs are mirrored left to right, and fx of the camera is negative; if "
+    "writing on the scene reads right in them, it is the projector that mirrors (rear projection): "
+    "set it right, or the points will be a mirror image",
+    "projector": "the projector's picture is mirrored left to right, and its fx is negative",
+}
+"""What a calibration warns of where camera or projector mirrors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +111,14 @@ def calibrate(
     *,
     lens: int = 4,
     projector_lens: int = 4,
+    unread: Mapping[str, str] | None = None,
 ) -> Calibration:
     """Camera, projector and their pose from photographs of a board (Zhang). Chapter 12.
 
     Each pinhole is calibrated alone, then both and all boards are fitted jointly; poses that fit
-    far worse than the others leave, one at a time.
+    far worse than the others leave, one at a time. The projector may hang in any way, which R says.
+    If camera and projector see the boards mirrored, the one that mirrors gets a negative fx: the
+    projector with a ChArUco board, whose markers cannot be read in a mirror, else the camera.
 
     Parameters
     ----------
@@ -119,6 +131,8 @@ def calibrate(
         Measuring range of the system that comes out, mm.
     lens, projector_lens : int
         Free distortion coefficients of each: the first 0, 1, 2, 4 or 5 of k1, k2, p1, p2, k3.
+    unread : dict of str to str, optional
+        Names of further poses that could not be read, and why: `Calibration.rejected` tells them.
 
     Raises
     ------
@@ -127,26 +141,33 @@ def calibrate(
         poses show the board lit by fringes, or the poses do not determine the system.
     """
     names = [pose.name or f"pose {k}" for k, pose in enumerate(poses)]
+    rejected = dict(unread or {})
+    if rejected and not len(poses):
+        _enough({}, rejected)
     size = _check(poses, names, projector, z_min, z_max)
-    views, rejected = {}, {}
+    views = {}
     for name, pose in zip(names, poses, strict=True):
         try:
             views[name] = _view(board, pose)
         except ValueError as error:
             rejected[name] = str(error)
+    mirror = ("projector" if board.kind == "charuco" else "camera") if _mirrored(views) else ""
+    sizes = {"camera": size, "projector": tuple(map(int, projector))}
+    if mirror:
+        views = {name: _flipped(view, mirror, sizes[mirror][0]) for name, view in views.items()}
     while True:
         _enough(views, rejected)
-        fit = calibrate_pair(
-            list(views.values()), size, tuple(map(int, projector)), lens, projector_lens
-        )
+        fit = calibrate_pair(list(views.values()), *sizes.values(), lens, projector_lens)
         name, reason = _worst(fit, list(views))
         if reason is None:
             break
         rejected[name] = reason
         del views[name]
     errors = [dict(zip(views, e.tolist(), strict=True)) for e in fit.errors]
-    system = System(*_pinholes(fit, size, projector), float(z_min), float(z_max))
+    system = System(*_pinholes(fit, sizes, mirror), float(z_min), float(z_max))
     warnings = tuple(_warnings(fit, list(views.values()), system))
+    if mirror:
+        warnings = (MIRRORED[mirror], *warnings)
     return Calibration(system, *errors, rejected, fit.sigma, warnings)
 
 
@@ -235,10 +256,24 @@ def _worst(fit: StereoFit, names) -> tuple[str, str | None]:
     )
 
 
-def _pinholes(fit: StereoFit, *sizes):
+def _mirrored(views) -> bool:
+    """Whether camera and projector see most boards in opposite senses of rotation."""
+    senses = [np.linalg.det(cv2.findHomography(v.camera, v.projector)[0]) for v in views.values()]
+    return bool(senses) and float(np.median(np.sign(senses))) < 0
+
+
+def _flipped(view: BoardView, who: str, width: int) -> BoardView:
+    """A view with the picture of camera or projector turned from left to right."""
+    return replace(view, **{who: (width - 1, 0) + getattr(view, who) * (-1, 1)})
+
+
+def _pinholes(fit: StereoFit, sizes, mirror):
+    """Camera and projector of a fit; the one whose pictures were flipped becomes a mirror."""
     poses = (np.eye(3), np.zeros(3)), (fit.R, fit.t)
-    for lens, size, (R, t) in zip(fit.lenses, sizes, poses, strict=True):
+    for lens, (who, size), (R, t) in zip(fit.lenses, sizes.items(), poses, strict=True):
         K = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
+        if who == mirror:
+            K = np.array([[-1, 0, size[0] - 1], [0, 1, 0], [0, 0, 1]]) @ K
         yield Pinhole(*size, K, R, t, lens[4:] if lens[4:].any() else ())
 
 

@@ -5,7 +5,7 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import combinations
 from typing import NamedTuple
 
@@ -16,10 +16,12 @@ from fpputil.capture.coding import code_fault
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
+from fpputil.capture.mounting import growth, growth_by, heading, local_gradients, way, writing
 from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import FEW, Reason, start_offsets
 from fpputil.decoding import phase, unwrap
+from fpputil.optics.system import System
 
 FINDINGS = {
     "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
@@ -39,8 +41,22 @@ FINDINGS = {
     ),
     "direction": (
         "the projector's {axis}s grow {way} in the picture",
-        "give shift {shift}: the steps go the other way; if they do not, the projector or the "
-        "camera is mirrored or upside down: set it right, or use --accept",
+        "project writing and photograph it: if it stands upright, the steps go the other way: give "
+        "shift {shift}; on its head, the projector or the camera hangs so and the phases are right:"
+        " use --accept, or --system with a calibration of this mounting; mirrored, a mirror image "
+        "is set in the projector's menu or the camera's program",
+    ),
+    "mounting": (
+        "the projector's {axis}s grow {way} in the picture, by the system {expected}",
+        "project writing and photograph it: by the system it {writing}; if it does, the steps go "
+        "the other way: give shift {shift}; if not, the system is of another mounting: calibrate "
+        "this one",
+    ),
+    "mirrored": (
+        "the photographs are mirrored left to right{against}",
+        "if writing on the scene reads backwards, the camera's program mirrors, else the "
+        "projector's menu (rear projection): set it right; or calibrate with photographs made the "
+        "same way and give that --system",
     ),
     "bits": (
         "the pictures of bits {bits} of the Gray code along the {axis}s are exchanged (0 is the "
@@ -131,27 +147,18 @@ FINDINGS = {
 }
 """Of each finding by its code what is the matter, and what to do about it."""
 
-SEVERE = (
-    "exchanged",
-    "frame",
-    "swapped",
-    "pitch",
-    "direction",
-    "offset",
-    "disagree",
-    "clipped",
-    "bits",
-    "inverted",
-    "backwards",
-    "binary",
-)
+SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
+SEVERE += ("mounting", "mirrored", "bits", "inverted", "backwards", "binary")
 """Findings with which the phases are wrong; with the others they are noisier or fewer."""
+
+MOUNTED = ("direction", "mounting", "mirrored")
+"""Findings on how the projector hangs, which a calibration takes as it is."""
 
 ORDER = ("offset", "disagree", "orders")
 FOLLOW = {
     **dict.fromkeys(("frame", "exchanged"), (*ORDER, "response")),
-    **dict.fromkeys(("swapped", "pitch", "direction"), ORDER),
-    **dict.fromkeys(("bits", "inverted", "backwards", "binary"), (*ORDER, "direction")),
+    **dict.fromkeys(("swapped", "pitch", "direction", "mounting"), ORDER),
+    **dict.fromkeys(("bits", "inverted", "backwards", "binary"), (*ORDER, "direction", "mounting")),
     "offset": ("orders",),
     **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
     "clipped": ("response",),
@@ -164,7 +171,6 @@ PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order
 FITS = 0.05  # of an order, by which a start may miss the offsets that it explains
-SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
 ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
 STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
 STRONG = 400  # pixels at which photographs are compared
@@ -183,10 +189,17 @@ class Finding(NamedTuple):
     remedy: str
 
 
-def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
+def diagnose(
+    measurement: Measurement,
+    capture: Capture,
+    system: System | None = None,
+    ignored: Collection[str] = (),
+) -> list[Finding]:
     """All that speaks against a capture along the axis of a measurement. Chapter 12.
 
-    The severe come first; what another finding explains is left out.
+    The severe come first; what another finding explains is left out. With a system the fringes
+    are to run as it says that the projector hangs, without one as an upright one's. The codes of
+    findings that are ignored neither count nor explain others.
 
     Examples
     --------
@@ -203,8 +216,10 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_relative, _repeated, _frequencies, _code, _offset, _clipping, _response, _light)
-    findings = [finding for check in checks for finding in check(measurement, capture)]
+    checks = (_relative, _repeated, _code, _offset, _clipping, _response, _light)
+    findings = list(_frequencies(measurement, capture, system))
+    findings += [finding for check in checks for finding in check(measurement, capture)]
+    findings = [finding for finding in findings if finding.code not in ignored]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
     findings = [finding for finding in findings if finding.code not in follow]
@@ -276,15 +291,38 @@ def _repeated(m, capture) -> Iterator[Finding]:
             yield _finding("frame", files=", ".join(files[n] for n in bad), fringe=_fringe(m, k))
 
 
-def _frequencies(m, capture) -> Iterator[Finding]:
+def mirrored(column: Measurement, row: Measurement, system: System | None = None) -> list[Finding]:
+    """A mirror between camera and projector, which fringes along both axes show. Chapter 12.
+
+    A projector that is turned, or steps that go the other way, do not look like one.
+    """
+    if not (len(column.wrapped) and len(row.wrapped)):
+        return []
+    turn = np.linalg.det([growth(m, local_gradients(m)) for m in (column, row)])
+    expected = 1.0 if system is None else np.linalg.det(growth_by(system))
+    if not turn * expected < 0:
+        return []
+    return [_finding("mirrored", against="" if system is None else " against those of the system")]
+
+
+def _frequencies(m, capture, system) -> Iterator[Finding]:
     """What the local frequencies tell of the pitches and of the direction."""
-    frequencies = local_frequencies(m)
+    if not len(m.wrapped):  # a Gray code alone
+        return
+    grown = growth(m, gradients := local_gradients(m))
+    towards = heading(m.axis, grown, system)
+    frequencies = np.linalg.norm(gradients, axis=1) if towards is None else gradients @ towards
     yield from _pitches(m, np.abs(frequencies))
     clear = np.abs(frequencies) > 1e-3
-    if clear.any() and np.median(np.sign(frequencies[clear])) <= 0:  # they fall, and should grow
-        way = "from right to left" if m.axis == "column" else "upwards"
+    if towards is None or not clear.any() or np.median(np.sign(frequencies[clear])) > 0:
+        return  # they grow, as they should
+    named = {"axis": m.axis, "way": way(grown), "shift": -capture.patterns.shift}
+    if system is None:
         severe = not m.unwrapped_in_space  # which turns a relief inside out, no more
-        yield _finding("direction", severe, axis=m.axis, way=way, shift=-capture.patterns.shift)
+        yield _finding("direction", severe, **named)
+    else:
+        named |= {"expected": way(towards), "writing": writing(system)}
+        yield _finding("mounting", **named)
 
 
 def _pitches(m, frequencies) -> Iterator[Finding]:
@@ -310,21 +348,6 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
     else:
         likely = ", ".join(f"{declared[0] * frequencies[0] / f:.3g}" for f in frequencies)
         yield _finding("pitch", pitches=pitches, axis=m.axis, likely=likely)
-
-
-def local_frequencies(m: Measurement) -> np.ndarray:
-    """Median local frequency of each pitch along its axis, radians a pixel, (P,); signed.
-
-    Above pi a pixel it wraps, and tells nothing.
-    """
-    along, lit, medians = (1 if m.axis == "column" else 0), m.lit, []
-    for phi in m.wrapped:
-        phasor = np.exp(1j * phi)
-        turn = np.roll(phasor, -1, along) * phasor.conj() * (lit & np.roll(lit, -1, along))
-        parts = turn.view(np.float32).reshape(*lit.shape, 2)
-        smooth = cv2.boxFilter(parts, -1, SMOOTH).view(np.complex64)[..., 0]
-        medians.append(np.median(np.angle(smooth[lit])) if lit.any() else np.nan)
-    return np.array(medians)
 
 
 def _code(m, capture) -> Iterator[Finding]:

@@ -13,8 +13,9 @@ import tifffile
 from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
-from fpputil.capture.diagnosis import Finding, diagnose, of_files
-from fpputil.capture.measurement import Measurement, check_size, measure
+from fpputil.capture.depth import diagnose_points, locate, trusted
+from fpputil.capture.diagnosis import MOUNTED, Finding, diagnose, mirrored, of_files
+from fpputil.capture.measurement import Measurement, check_projector, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.relief import (
@@ -44,8 +45,8 @@ class DecodedFolder:
     measurements, findings : tuples of Measurement and Finding
         Of each axis of the patterns; what speaks against them.
     points : (H, W, 3) array or None
-        World coordinates, mm; NaN outside mask and measuring range. None without a system or
-        fringes along columns, or if the phases are wrong.
+        World coordinates, mm; NaN outside mask and measuring range. None without a system, or if
+        the phases or the points are wrong.
     """
 
     out: Path
@@ -138,6 +139,7 @@ def decode_folder(
         if capture.patterns.unwrap == "spatial":
             raise ValueError("a system given; a phase that is unwrapped in space gives no points")
         check_size(system, capture.size)
+        check_projector(system, capture.patterns.projector)
     folder = Path(os.path.abspath(folder))  # "." and ".." have no names
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     with folder_whole(out, "fpp decode", force, [folder]) as partial:
@@ -146,10 +148,12 @@ def decode_folder(
         with tqdm(total=total, unit="photo", leave=False, disable=quiet) as bar:
             how |= {"system": system, "each": bar.update}
             measurements = tuple(measure(capture, axis, **how) for axis in axes)
-        findings = tuple(f for one in measurements for f in diagnose(one, capture))
-        findings += tuple(of_files(capture))
+        findings = (*_findings(measurements, capture, system), *of_files(capture))
+        points = depth = located = None
+        if system is not None and (accept or not any(f.severe for f in findings)):
+            located = locate(measurements, system)
+            findings += tuple(diagnose_points(located, measurements, system))
         decoded = accept or not any(f.severe for f in findings)
-        points = depth = None
         summary = {
             "decoded": decoded,
             "findings": [f._asdict() for f in findings],
@@ -168,10 +172,9 @@ def decode_folder(
                 arrays[f"{axis}_relief"] = shape
                 save_relief(partial, f"{axis}_relief", shape)
                 summary.setdefault("relief", []).append(f"{axis}_relief.ply")
-            vertical = next((one for one in measurements if one.axis == "column"), None)
-            if system is not None and vertical is not None:
-                points = vertical.points(system)
-                sigma = vertical.depth_sigma(depth_of(points, system), system)
+            if located is not None:
+                points, sigma = located.points, located.sigma
+                sigma[~(good := trusted(located, system))] = points[~good] = np.nan
                 limits = {"max_sigma": max_sigma, "lone": lone, "min_area": min_area}
                 points, summary["removed"] = clean_points(points, sigma, **limits)
                 if not np.isfinite(points).any() and any(summary["removed"].values()):
@@ -180,7 +183,7 @@ def decode_folder(
                 depth = depth_of(points, system)
                 colours = capture.colours()
                 if colours is None:  # the average of the fringes stands in
-                    colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
+                    colours = np.stack([measurements[0].average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
                 if mesh:
                     longest = BRIDGE * typical_edge(points)
@@ -202,6 +205,13 @@ def decode_folder(
         text = json.dumps(summary, indent=1) + "\n"
         (partial / "summary.json").write_text(text, encoding="utf-8")
     return DecodedFolder(out, summary, measurements, findings, points)
+
+
+def _findings(measurements, capture, system) -> tuple[Finding, ...]:
+    """What speaks against the phases of all axes; a mirror once, and no direction beside it."""
+    both = mirrored(*measurements, system) if len(measurements) > 1 else []
+    alone = [f for one in measurements for f in diagnose(one, capture, system)]
+    return (*both, *(f for f in alone if not (both and f.code in MOUNTED)))
 
 
 def board_pose(
@@ -232,7 +242,8 @@ def board_pose(
     Raises
     ------
     ValueError
-        If the fringes do not run along both axes, or a finding is severe.
+        If the fringes do not run along both axes, or a finding is severe; how the projector hangs
+        is none.
     """
     capture = open_capture(folder, patterns, full, channel)
     if set(capture.patterns.axes) != {"column", "row"}:
@@ -242,9 +253,10 @@ def board_pose(
         )
     if capture.patterns.unwrap == "spatial":
         raise ValueError(f"{folder} is unwrapped in space; a calibration needs absolute columns")
-    across, down = (measure(capture, axis, **how) for axis in ("column", "row"))
-    severe = [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]
-    if severe and not accept:
+    both = across, down = [measure(capture, axis, **how) for axis in ("column", "row")]
+    wrong = any(f.severe for m in both for f in diagnose(m, capture, ignored=MOUNTED))
+    if wrong and not accept:
+        severe = [f.message for m in both for f in diagnose(m, capture) if f.severe]
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)

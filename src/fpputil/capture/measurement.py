@@ -28,7 +28,7 @@ from fpputil.checks import not_negative
 from fpputil.decoding import phase, unwrap
 from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
 from fpputil.decoding.gray import cell_column
-from fpputil.decoding.triangulation import points_of
+from fpputil.decoding.triangulation import depth_of, in_range, triangulate
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
@@ -108,17 +108,12 @@ class Measurement:
         return self.Phi * np.float32(self.pitch / unwrap.TWO_PI)
 
     def points(self, system: System) -> np.ndarray:
-        """Points of vertical fringes, (H, W, 3), mm; NaN outside mask and measuring range."""
-        if self.axis != "column":
-            raise ValueError("fringes along rows given; depth comes of those along columns")
-        return points_of(self.Phi, self.pitch, system)
-
-    def depth_sigma(self, depth: np.ndarray, system: System) -> np.ndarray:
-        """Standard deviation of a depth, (H, W), mm, by noise alone: sigma over ``|dPhi/dz|``."""
-        rate = system.columns_per_mm(np.where(np.isfinite(depth), depth, system.z_min))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sigma = self.sigma * (self.pitch / unwrap.TWO_PI) / rate
-        return np.where(np.isfinite(depth), sigma, np.nan)
+        """Points of this axis alone, (H, W, 3), mm; NaN outside mask and measuring range."""
+        coordinate = self.Phi.astype(np.float64) * (self.pitch / unwrap.TWO_PI)
+        columns, rows = (coordinate, None) if self.axis == "column" else (None, coordinate)
+        points = triangulate(columns, system, rows)
+        points[~in_range(depth_of(points, system), system)] = np.nan
+        return points
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What there is to store, by name: float32; wrapped phase and modulation everywhere.
@@ -348,6 +343,16 @@ def check_size(system: System, size: tuple[int, int]) -> None:
         raise ValueError(
             f"a system of {camera.width} x {camera.height} pixels given; the photographs have "
             f"{size[1]} x {size[0]}"
+        )
+
+
+def check_projector(system: System, size: tuple[int, int]) -> None:
+    """ValueError unless patterns of a size (width, height) are for the system's projector."""
+    projector = system.projector
+    if (projector.width, projector.height) != tuple(size):
+        raise ValueError(
+            f"patterns for a projector of {size[0]} x {size[1]} pixels given; the system has one "
+            f"of {projector.width} x {projector.height}: one of them is another rig's"
         )
 
 

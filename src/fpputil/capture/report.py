@@ -34,7 +34,7 @@ def page(
     """
     pictures = {}
     for one in measurements:
-        figure, file = overview(one, depth if one.axis == "column" else None), io.BytesIO()
+        figure, file = overview(one, depth if one is measurements[0] else None), io.BytesIO()
         figure.savefig(file, format="png", dpi=100)
         plt.close(figure)
         pictures[one.axis] = base64.b64encode(file.getvalue()).decode()

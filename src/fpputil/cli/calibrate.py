@@ -64,19 +64,26 @@ def calibrate(
     free(system, force)
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} given; there is no such folder")
-    paths = [path for path in sorted(folder.iterdir()) if path.is_dir() and not foreign(path)]
+    folders = [path for path in sorted(folder.iterdir()) if path.is_dir() and not foreign(path)]
+    if not folders:
+        raise ValueError(f"{folder} given; it holds no folder, and a pose is a folder")
     if names.files is not None and fringes.axis is None:
         fringes = replace(fringes, axis="both")
     how = {"full": full, "threshold": threshold, "gamma": _exponent(gamma), "noise": noise}
     how |= {"channel": channel, "accept": accept}
-    read = [capture.board_pose(path, _patterns(path, names, fringes), **how) for path in paths]
-    if not read:
-        raise ValueError(f"{folder} given; it holds no folder, and a pose is a folder")
-    poses, projectors = zip(*read, strict=True)
-    if len(sizes := sorted(set(projectors))) > 1:
-        raise ValueError(f"projectors of {sizes} pixels given; all poses need one")
+    poses, sizes, unread = [], set(), {}
+    for path in folders:
+        try:
+            pose, size = capture.board_pose(path, _patterns(path, names, fringes), **how)
+        except (ValueError, OSError) as error:  # one bad pose does not cost the others
+            unread[path.name] = str(error)
+            continue
+        poses.append(pose)
+        sizes.add(size)
+    if len(sizes) > 1:
+        raise ValueError(f"projectors of {sorted(sizes)} pixels given; all poses need one")
     lenses = {"lens": lens, "projector_lens": projector_lens}
-    fit = calibration.calibrate(printed, list(poses), projectors[0], *reach, **lenses)
+    fit = calibration.calibrate(printed, poses, *sizes or [None], *reach, unread=unread, **lenses)
     free(system, force)  # once more: calibrating takes its time
     fit.system.save(system)
     if json:

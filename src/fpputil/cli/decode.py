@@ -114,6 +114,8 @@ def decode(
     if rig is None and cloud != CLOUD:
         name = next(k for k, v in vars(cloud).items() if v != getattr(CLOUD, k))
         raise ValueError(f"--{name.replace('_', '-')} without --system given; points need one")
+    if rig is not None and names.files is not None and names.projector is None:
+        names = replace(names, projector=(rig.projector.width, rig.projector.height))
     patterns = _patterns(folder, names, fringes)
     how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
     how |= {"reference": reference, "relief": relief}
@@ -190,5 +192,5 @@ def _print(decoded, system) -> None:
     for file in summary.get("relief", ()):
         print(f"{decoded.out / file}: heights in radians, which way is up is not known")
     if not summary["decoded"]:
-        print("the phases are wrong and were not written; --accept writes them", file=sys.stderr)
+        print("with errors nothing but the report is written; --accept writes it", file=sys.stderr)
     print(f"{'written to' if summary['decoded'] else 'the report is in'} {decoded.out}")

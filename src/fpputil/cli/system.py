@@ -145,7 +145,7 @@ def describe(system) -> dict:
         },
         "axes_nearest": {"depth_mm": nearest, "gap_mm": gap},
         "measuring_range_mm": list(depths),
-        "field_of_view_mm": {f"{z:g}": [float(z * width), float(z * height)] for z in depths},
+        "field_of_view_mm": {f"{z:g}": [float(z * abs(width)), float(z * height)] for z in depths},
         "columns_per_mm": {
             "depth_mm": sum(depths) / 2,
             **{name: number(columns[place]) for name, place in places.items()},

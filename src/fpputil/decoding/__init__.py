@@ -26,7 +26,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "zmin_order",
         ],
         "decoder": ["Decoded", "decode"],
-        "triangulation": ["column", "depth_of", "points_of", "triangulate"],
+        "triangulation": ["column", "depth_of", "intersect", "points_of", "triangulate"],
         "phase_height": ["PhaseHeight", "fit_phase_height"],
         "pointcloud": [
             "clean_points",
