@@ -206,28 +206,33 @@ def few_ratio(samples: Sequence[np.ndarray]) -> float:
     >>> round(few_ratio([100 + 50 * np.cos(turn) + 5 * np.cos(2 * turn)]), 2)
     0.1
     """
-    product, square, ripples, logs = 0.0, 0.0, [], []
+    product, square, phis, logs = 0.0, 0.0, [], []
     for frames in samples:
         M, D = phase.numerator_denominator(frames)
         phi, B = phase.wrapped_phase(M, D), phase.modulation(M, D, len(frames))
         if len(frames) == 4:
             both, cosine = (frames[0] - frames[1] + frames[2] - frames[3]) / 4, np.cos(2 * phi)
-            product, square = (
-                product + (both * cosine * B).sum(),
-                square + ((B * cosine) ** 2).sum(),
-            )
+            product, square = product + both @ (cosine * B), square + (B * cosine) @ (B * cosine)
+        phis.append(phi)
         logs.append(np.log(np.maximum(B, 1e-6)))
-        ripples.append(np.cos(3 * phi) * (len(frames) == 3))
-    if any(ripple.any() for ripple in ripples):
-        if len(samples) == 1:
-            logs, ripples = logs - np.log(samples[0].mean(axis=0)), np.array(ripples)
-        else:
-            logs, ripples = (np.array(a) - np.mean(a, axis=0) for a in (logs, ripples))
-        logs, ripples = (a - a.mean(axis=1, keepdims=True) for a in (logs, ripples))
-        weight = np.median(B) ** 2
-        product += weight * (logs * ripples).sum()
-        square += weight * (ripples**2).sum()
-    return float(product / max(square, 1e-9))
+    if square:
+        return float(product / square)
+    if len(samples) == 1:
+        phis, logs = phis * 2, [*logs, np.log(np.maximum(samples[0].mean(axis=0), 1e-6))]
+        return ripple(phis, logs, (3, 0))
+    return ripple(phis, logs, [3] * len(samples))
+
+
+def ripple(phis, logs, steps) -> float:
+    """How the logarithm of a modulation changes with the cosine of three times the phase.
+
+    Of P pitches the phases, logarithms, (P, S), and steps; those of other than three steps only
+    serve to compare.
+    """
+    waves = [np.cos(3 * phi) * (number == 3) for phi, number in zip(phis, steps, strict=True)]
+    waves, logs = (np.array(a) - np.mean(a, axis=0) for a in (waves, logs))
+    waves, logs = (a - a.mean(axis=1, keepdims=True) for a in (waves, logs))
+    return float((waves * logs).sum() / max((waves**2).sum(), 1e-9))
 
 
 def power_profile(gamma: float, blur: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpputil.capture.consistency import STEPS, flicker_of
 from fpputil.capture.gamma import (
     LEAST_STEPS,
     estimate_gamma,
@@ -35,6 +36,7 @@ from fpputil.capture.quality import (
     noise_of,
     noise_of_curves,
     response_by_curve,
+    response_share,
 )
 from fpputil.checks import not_negative
 from fpputil.decoding import phase, unwrap
@@ -73,6 +75,11 @@ class Measurement:
         Exponent of the response that was taken back.
     told : str
         What told gamma; "" if it is 1 for want of anything that did.
+    curved : bool
+        Whether the curve of a power was fitted, black being known, and no sinusoid.
+    gains : list of (steps,) arrays
+        Of each fringe how bright each photograph is, over their mean, which was divided out; ones
+        where it does not flicker, or is not told.
     sample : list of (steps, S) arrays
         Of each fringe the grey levels of a grid of pixels, of 255, as photographed.
     """
@@ -90,6 +97,8 @@ class Measurement:
     noise: Noise
     gamma: float
     told: str
+    curved: bool
+    gains: list[np.ndarray]
     sample: list[np.ndarray]
 
     @property
@@ -142,6 +151,9 @@ class Measurement:
         mask, lit = self.mask, max(int(self.lit.sum()), 1)
         lost = {r.said: (self.reason == r).sum() / lit for r in Reason if r > Reason.DARK}
         typical = (lambda a: float(np.median(a[mask]))) if mask.any() else (lambda a: float("nan"))
+        few = sorted({f.steps for f in self.fringes if not STEPS[0] <= f.steps <= STEPS[1]})
+        checked = "cannot be told from {} steps".format(", ".join(map(str, few)))
+        checked = checked if few else "looked for"
         bright = typical(self.modulation[self.finest])
         noise = typical(np.sqrt(self.noise.variance(self.average)))
         return {
@@ -150,6 +162,7 @@ class Measurement:
             "modulation of the finest pitch, median": f"{bright:.1f}",
             "noise, grey levels": f"{noise:.2f}" + ("" if self.noise.known else " (assumed)"),
             "gamma": f"{self.gamma:.3f}" + (f", by {self.told}" if self.told else ""),
+            "exchanged and late photographs": checked,
             "uncertainty of the phase, median": f"{typical(self.sigma):.4f} rad",
             **{f"of the lit pixels {name}": f"{share:.2%}" for name, share in lost.items()},
         }
@@ -210,19 +223,21 @@ def measure(
     except ValueError as error:
         raise ValueError(f"{capture.folder}: {error}") from error
     fringes = tuple(patterns.along(axis).values())
-    fits, sample, response = _read(capture, axis, gamma, each)
+    fits, sample, gains, response = _read(capture, axis, gamma, each)
+    curved = response.gamma != 1 and response.black is not None
+    straight = [f if (g == 1).all() else f / g[:, None] for f, g in zip(sample, gains, strict=True)]
+    if not curved:
+        straight = [linearise(frames, response.gamma) for frames in straight]
     if noise is None:
-        curved = response.gamma != 1 and response.black is not None
-        variance = noise_of(
-            [f if curved else linearise(f, response.gamma) for f in sample], threshold
-        )
+        variance = noise_of(straight, threshold)
         if curved and not variance.known:
             variance = noise_of_curves(fits, threshold)
     else:
         variance = Noise(not_negative("noise", noise, "grey levels") ** 2, 0.0, True)
     Phis = unwrapped([one.wrapped for one in fits])
+    shares = [0.0 if curved else response_share(frames[:, _lit([frames])]) for frames in straight]
     reason, sigmas, offsets, sharpness = judge(
-        fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis)
+        fits, fringes, Phis, variance, threshold, patterns.unwrap, patterns.width(axis), shares
     )
     finest, good = int(np.argmin([f.pitch for f in fringes])), reason == Reason.GOOD
     return Measurement(
@@ -239,6 +254,8 @@ def measure(
         noise=variance,
         gamma=response.gamma,
         told=response.told,
+        curved=curved,
+        gains=gains,
         sample=sample,
     )
 
@@ -315,11 +332,14 @@ def _read(capture: Capture, axis: str, gamma, each):
         response = _response([sampled(capture.frames(k)) for k in tell], [*tell.values()], *plain)
     if black is not None and (response.black is not None or gamma is not None):
         response = response._replace(black=black)
-    fits, sample = [], []
+    fits, sample, gains = [], [], []
     for k, fringe in fringes.items():
         frames, how = capture.frames(k), {"black": response.black}
         sample.append(sampled(frames))
         lit = _lit(sample[-1:])
+        gains.append(flicker_of(sample[-1][:, lit]))
+        if (gains[-1] != 1).any():
+            how["gains"] = gains[-1]
         if response.gamma != 1 and response.black is not None and len(lit) >= LEAST_LIT:
             dark = response.black if black is None else plain[1][lit]
             how["blur"] = blur_of(sample[-1][:, lit], fringe, response.gamma, dark)
@@ -327,7 +347,7 @@ def _read(capture: Capture, axis: str, gamma, each):
         del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)
-    return fits, sample, response
+    return fits, sample, gains, response
 
 
 def _response(samples, fringes, white, black) -> Response:

@@ -23,6 +23,7 @@ QUANTISATION = 1 / 12  # variance of rounding, grey levels squared: the least no
 CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly turns the phase
 SCATTER = 0.25  # of the modulation, beyond three times the noise
 UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
+RIPPLED = 0.02  # of the pixels unsteady, from which on a response is looked for in it
 AROUND = 31  # pixels, of the square over which modulations are compared
 UNSURE = 0.4  # of `order_step` between the columns of two pitches; at a half the order is a guess
 CERTAIN = 2.5  # standard deviations of the noise that must lie within half an order step
@@ -83,6 +84,7 @@ def fit(
     full: float = WHITE,
     black=None,
     blur: float = 0.0,
+    gains=None,
 ) -> Fit:
     """Fit the curve of a fringe to all its photographs, (N, H, W). Chapter 12.
 
@@ -102,6 +104,8 @@ def fit(
         The photograph without the projector's light, grey levels of 255.
     blur : float
         As of `power_profile`.
+    gains : (N,) array, optional
+        Brightness of each photograph, which is divided out.
 
     Examples
     --------
@@ -120,6 +124,8 @@ def fit(
         block = frames[:, here]
         result.clipped[here] = np.add.reduce(block >= full, axis=0, dtype=np.uint16)
         scale = np.float32(WHITE / full)
+        if gains is not None:
+            block, scale = block * np.float32(WHITE / full / gains)[:, None, None], np.float32(1)
         if gamma != 1 and black is not None:
             grey = (block * scale).astype(np.float32, copy=False)
             dark = np.float32(black if np.ndim(black) == 0 else black[here])
@@ -127,7 +133,8 @@ def fit(
             for name, values in (curve | {"average": grey.mean(axis=0)}).items():
                 getattr(result, name)[here] = values
             continue
-        grey = (block * scale if gamma == 1 else linearise(block, gamma, full)) - MIDDLE
+        top_level = full if gains is None else WHITE
+        grey = (block * scale if gamma == 1 else linearise(block, gamma, top_level)) - MIDDLE
         grey = grey.astype(np.float32, copy=False).reshape(steps, -1)
         M, D, total = (weights @ grey).reshape(3, -1, width)
         squares = np.einsum("np,np->p", grey, grey).reshape(M.shape)
@@ -339,11 +346,13 @@ def judge(
     threshold: float,
     method: str,
     width: int,
+    responses: Sequence[float] = (),
 ) -> tuple[np.ndarray, list[np.ndarray], np.ndarray, np.ndarray]:
     """Find a reason not to trust a pixel. Chapter 12.
 
     It takes of each of P pitches the fit, the fringe and the absolute phase, (H, W), radians; the
-    noise, the least modulation, grey levels, and `unwrap` and `width(axis)` of the `Patterns`.
+    noise, the least modulation, grey levels, and `unwrap` and `width(axis)` of the `Patterns`; and
+    of each pitch the `response_share`, 0 by default.
 
     Returns
     -------
@@ -358,11 +367,13 @@ def judge(
     """
     reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
     sigmas = [
-        _look(one, fringe.steps, noise, threshold, reason)
-        for one, fringe in zip(fits, fringes, strict=True)
+        _look(one, fringe.steps, noise, threshold, reason, share)
+        for one, fringe, share in zip(fits, fringes, responses or [0.0] * len(fits), strict=True)
     ]
-    for (one, other), noises in zip(pairwise(fits), pairwise(sigmas), strict=True):
-        _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), reason)
+    waves = [f.steps * one.wrapped for one, f in zip(fits, fringes, strict=True)]
+    pairs = zip(pairwise(fits), pairwise(sigmas), pairwise(waves), strict=True)
+    for (one, other), noises, turns in pairs:
+        _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), turns, reason)
     means = []
     for apart, sigma in _apart(Phis, pitches, sigmas, method):
         turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD])
@@ -398,13 +409,14 @@ def _mark(reason, fault, why: Reason) -> None:
     reason[fault & (reason == Reason.GOOD)] = why
 
 
-def _look(one: Fit, steps: int, noise: Noise, threshold: float, reason) -> np.ndarray:
+def _look(one: Fit, steps: int, noise: Noise, threshold, reason, share) -> np.ndarray:
     """Mark dark, saturated and scattered pixels of a fringe; returns the noise of its phase.
 
     ``sigma_phi = sqrt(2/N) sigma / B`` with the noise at the average grey level (chapter 3).
     """
     B, variance = one.modulation, noise.variance(one.average)
-    scattered = np.sqrt(one.residual) > SCATTER * B + 3 * np.sqrt(variance)
+    left = np.sqrt(np.maximum(one.residual - share * B**2, 0))
+    scattered = left > SCATTER * B + 3 * np.sqrt(variance)
     _mark(reason, ~(B > threshold), Reason.DARK)
     _mark(reason, one.clipped > CLIPPED * steps, Reason.SATURATED)
     _mark(reason, scattered, Reason.SCATTERED)
@@ -412,10 +424,11 @@ def _look(one: Fit, steps: int, noise: Noise, threshold: float, reason) -> np.nd
         return np.sqrt(2 / steps * variance) / one.slope
 
 
-def _mark_unsteady(B, other, sigma, reason) -> None:
+def _mark_unsteady(B, other, sigma, turns, reason) -> None:
     """Mark where the modulation changes between two pitches otherwise than round about.
 
-    The relative noise of a modulation is the noise of its phase.
+    The relative noise of a modulation is the noise of its phase. What goes with `turns`, the steps
+    times the phase of each, is of a response and no reason.
     """
     good = reason == Reason.GOOD
     change = np.zeros_like(B)
@@ -423,8 +436,64 @@ def _mark_unsteady(B, other, sigma, reason) -> None:
     box = (AROUND, AROUND)
     near = cv2.boxFilter(change, -1, box)
     share = cv2.boxFilter(good.astype(np.float32), -1, box)
+    limit = UNSTEADY + 4 * sigma
     with np.errstate(divide="ignore", invalid="ignore"):
-        _mark(reason, np.abs(change - near / share) > UNSTEADY + 4 * sigma, Reason.UNSTEADY)
+        change -= near / share
+        if (np.abs(change[good]) > limit[good]).mean() > RIPPLED if good.any() else False:
+            change -= _ripple(change, turns, good)
+        _mark(reason, np.abs(change) > limit, Reason.UNSTEADY)
+
+
+def _ripple(change, turns, good) -> np.ndarray:
+    """What of a change, (H, W), goes with the turns of two pitches: waves, by least squares."""
+    few = (slice(None, None, FEW), slice(None, None, FEW))
+    waves = [of(k * turn) for turn in turns for k in (1, 2) for of in (np.cos, np.sin)]
+    used = good[few]
+    terms, values = np.stack([wave[few][used] for wave in waves], axis=1), change[few][used]
+    for _ in range(3):  # without those that do not fit
+        factors = np.linalg.lstsq(terms, values, rcond=None)[0]
+        off = np.abs(values - terms @ factors)
+        near = off <= 3 * np.median(off)
+        terms, values = terms[near], values[near]
+    return sum(factor * wave for factor, wave in zip(factors, waves, strict=True))
+
+
+def response_share(frames) -> float:
+    """Variance that a response adds to the residual of a sinusoid, over the squared modulation.
+
+    By harmonics in step with the fringe, in photographs (N, P), at most at a pixel.
+
+    >>> turn = np.linspace(0, 50, 999) + 2 * np.pi * np.arange(8)[:, None] / 8
+    >>> share = response_share(100 + 50 * np.cos(turn) + 10 * np.cos(2 * turn))
+    >>> round(share, 3)  # 0.2**2 / 2, of 8 - 3 degrees of freedom of 8
+    0.032
+    """
+    steps = len(frames)
+    if steps < 4 or not frames.size:
+        return 0.0
+    ratios = harmonics_of(frames)[2:]
+    energy = ratios**2 / 2
+    if steps % 2 == 0:  # the highest harmonic of an even number is a cosine alone
+        energy[-1] *= 2
+    return float(energy.sum() * steps / (steps - 3))
+
+
+def harmonics_of(frames) -> np.ndarray:
+    """Strength of the harmonics 0 to N / 2 of photographs (N, P) in step with the fringe.
+
+    Over that of the fringe, which is 1; harmonic 0 is the average.
+    """
+    steps = len(frames)
+    spectrum = np.fft.rfft(frames, axis=0)
+    size = np.abs(spectrum[1])
+    turn = spectrum[1] / np.maximum(size, 1e-9)
+    along = (spectrum * turn.conj() ** np.arange(len(spectrum))[:, None]).real
+    ratios = along @ size / max(size @ size, 1e-9)
+    ratios[0] /= 2
+    if steps % 2 == 0:
+        wave = (turn ** (steps // 2)).real * size
+        ratios[-1] = (spectrum[-1].real @ wave) / (2 * max(wave @ wave, 1e-9))
+    return ratios
 
 
 def _apart(Phis, pitches, sigmas, method) -> Iterator[tuple[np.ndarray, np.ndarray]]:
