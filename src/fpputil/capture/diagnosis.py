@@ -6,14 +6,14 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from itertools import combinations
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from fpputil.capture.coding import code_fault
-from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
+from fpputil.capture.consistency import FLICKERS, STEPS, doubled, exchanged, misfits
+from fpputil.capture.gamma import LEAST_STEPS, few_ratio, harmonic_ratio, linearise, ripple
 from fpputil.capture.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.mounting import growth, growth_by, heading, local_gradients, way, writing
@@ -26,7 +26,7 @@ from fpputil.optics.system import System
 FINDINGS = {
     "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
     "frame": (
-        "{files}: does not fit the other steps of {fringe}",
+        "{files}: does not fit the other steps of {fringe}{same}",
         "photograph again: a trigger was missed, a step was shown twice or too late, or the light "
         "changed",
     ),
@@ -94,11 +94,22 @@ FINDINGS = {
         "the projector is saturated: lower its brightness and contrast to their neutral values, "
         "or project with less amplitude",
     ),
+    "square": (
+        "the fringes of {fringe} are square, and {steps} steps let their harmonics through",
+        "take many steps (18), put square fringes out of focus, or project sinusoids",
+    ),
+    "flicker": (
+        "the brightness changes by up to {share:.0%} from photograph to photograph; it was "
+        "divided out{but}",
+        "let the exposure be a whole number of the projector's frames, and fix the camera's gain",
+    ),
     "response": (
         "the response is not linear: the second harmonic is {second:+.1%} of the fringe",
-        "give --gamma, from a capture of five steps or more with the same setup; with three or "
-        "four steps it turns the phase by about as many radians",
+        "with three or four steps it turns the phase by about as many radians: give --gamma, or "
+        "take five steps or more at one pitch, or photographs in plain light and in none (white "
+        "and black), which tell it; or project corrected patterns (fpp patterns --gamma)",
     ),
+    "lost": ("{share:.0%} of the lit pixels are left out: {why}", "{remedy}"),
     "orders": (
         "the order is a guess at {share:.0%} of the lit pixels",
         "take more steps at the long pitches, a pitch between two that are far apart, or a "
@@ -147,8 +158,25 @@ FINDINGS = {
 }
 """Of each finding by its code what is the matter, and what to do about it."""
 
+LOST = {
+    Reason.SCATTERED: (
+        "their steps lie on no sinusoid",
+        "project one fringe at a time, and keep light and scene still; or the number of steps is "
+        "another one",
+    ),
+    Reason.UNSTEADY: (
+        "their modulation changes from pitch to pitch, and not as that around them",
+        "keep light and scene still from the first photograph to the last",
+    ),
+    Reason.OUTSIDE: (
+        "their columns or rows lie outside the projector",
+        "check the projector's size and the pitches",
+    ),
+}
+"""Of reasons that no other finding tells, what is the matter, and what to do about it."""
+
 SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
-SEVERE += ("mounting", "mirrored", "bits", "inverted", "backwards", "binary")
+SEVERE += ("square", "mounting", "mirrored", "bits", "inverted", "backwards", "binary")
 """Findings with which the phases are wrong; with the others they are noisier or fewer."""
 
 MOUNTED = ("direction", "mounting", "mirrored")
@@ -162,6 +190,7 @@ FOLLOW = {
     "offset": ("orders",),
     **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
     "clipped": ("response",),
+    "square": (*ORDER, "response", "clipped", "pitch"),
 }
 """Findings that another one explains, and that are not told beside it."""
 
@@ -171,8 +200,10 @@ PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order
 FITS = 0.05  # of an order, by which a start may miss the offsets that it explains
-ALONE = 4.0  # times what a sinusoid leaves of the other photographs of its fringe
-STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
+LEFT_OUT = 0.05  # of the lit pixels, above which a reason is told; from a half on it is an error
+CURVED = 0.1  # second harmonic, above which three steps put orders wrong
+MIDDLING = 0.12  # of the grey levels, at most, between dark and bright in square fringes
+ROUGH = 8  # steps at most, with which square fringes give no phase
 STRONG = 400  # pixels at which photographs are compared
 ONE_COLOUR = 0.5  # of the brightest channel, under which grey is a waste of light
 
@@ -216,12 +247,17 @@ def diagnose(
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_relative, _repeated, _code, _offset, _clipping, _response, _light)
+    checks = (_relative, _repeated, _code, _offset, _clipping, _response, _light, _lost)
     findings = list(_frequencies(measurement, capture, system))
     findings += [finding for check in checks for finding in check(measurement, capture)]
     findings = [finding for finding in findings if finding.code not in ignored]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
+    curved = any(f.code == "response" and f.severe for f in findings)
+    if curved:
+        follow |= {*ORDER, "pitch"}
+    if any(f.severe and f.code not in (*follow, "lost") for f in findings):
+        follow.add("lost")
     findings = [finding for finding in findings if finding.code not in follow]
     return sorted(findings, key=lambda finding: not finding.severe)
 
@@ -278,17 +314,31 @@ def _relative(m, capture) -> Iterator[Finding]:
 def _repeated(m, capture) -> Iterator[Finding]:
     """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
     for k, number in enumerate(capture.patterns.along(m.axis)):
-        frames = linearise(m.sample[k], m.gamma)
+        frames = m.sample[k]
         modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
         strong = (modulation > 16) & (frames.max(axis=0) < 254)
         frames = frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
-        if frames.shape[1] < 20 or not STEPS[0] <= len(frames) <= STEPS[1]:
+        if frames.shape[1] < 20 or not 4 <= len(frames) <= STEPS[1]:
             continue
-        files = [shot.file for shot in capture.of(number)]
-        if pair := exchanged(frames):
+        files, fringe = [shot.file for shot in capture.of(number)], _fringe(m, k)
+        if pair := doubled(frames):
+            one, other = (files[n] for n in pair)
+            same = f"; it is the picture of {other}"
+            if len(frames) < STEPS[0]:  # which of both is wrong, so few do not tell
+                one, same = f"{one} or {other}", "; both are one picture"
+            yield _finding("frame", files=one, fringe=fringe, same=same)
+        elif len(frames) < STEPS[0]:
+            continue
+        elif pair := exchanged(frames):
             yield _finding("exchanged", first=files[pair[0]], second=files[pair[1]])
         elif bad := misfits(frames):
-            yield _finding("frame", files=", ".join(files[n] for n in bad), fringe=_fringe(m, k))
+            names = ", ".join(files[n] for n in bad)
+            yield _finding("frame", files=names, fringe=fringe, same="")
+    share = max((np.abs(gains - 1).max() for gains in m.gains), default=0.0)
+    if share > SHARE / 2:
+        few = sorted({f.steps for f in m.fringes if f.steps < FLICKERS[0]})
+        but = f", but for the pitches of {few[0]} steps, which do not tell it" if few else ""
+        yield _finding("flicker", share=share, but=but)
 
 
 def mirrored(column: Measurement, row: Measurement, system: System | None = None) -> list[Finding]:
@@ -331,6 +381,8 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
         return  # a slow fringe cannot be told from noise
     if len(frequencies) < 2 or not (frequencies >= 1e-3).all():
         return
+    if any(_square(frames) for frames in m.sample):
+        return  # their phase goes up in stairs
     declared = np.array([f.pitch for f in m.fringes])
 
     def spread(pitches):  # frequency times pitch is the same for all, if they are right
@@ -402,69 +454,77 @@ def _clipping(m, capture) -> Iterator[Finding]:
     for k, frames in enumerate(m.sample):
         low, high = frames.min(axis=0), frames.max(axis=0)
         use = (high - low > 40) & (high < 0.97 * 255)
-        if len(frames) < 6 or use.sum() < 20:
+        if use.sum() < 20:
             continue
-        bright = (frames[:, use] > high[use] - 0.04 * (high - low)[use] - 1).mean()
-        if bright > 0.24 + 0.5 / len(frames):
+        if _square(frames):
+            if len(frames) <= ROUGH:
+                yield _finding("square", fringe=_fringe(m, k), steps=len(frames))
+                return
+            continue
+        span = (high - low)[use]
+        levels = (frames[:, use] - low[use]) / span
+        bright, dark = ((edge > 0.96 - 1 / span).mean() for edge in (levels, 1 - levels))
+        limit = 0.24 + 0.5 / len(frames)
+        if len(frames) >= 6 and dark <= limit < bright:
             yield _finding("clipped", fringe=_fringe(m, k))
             return
 
 
+def _square(frames) -> bool:
+    """Whether nearly all grey levels of photographs (N, S) are either dark or bright."""
+    low, span = frames.min(axis=0), np.ptp(frames, axis=0)
+    levels = ((frames - low) / np.maximum(span, 1))[:, span > 40]
+    return levels.size > 0 and ((levels > 0.15) & (levels < 0.85)).mean() < MIDDLING
+
+
 def _response(m, capture) -> Iterator[Finding]:
-    """A second harmonic, where a pitch has too few steps for it to fall out."""
-    if min(f.steps for f in m.fringes) >= LEAST_STEPS:
+    """A second harmonic that is left, where a pitch has too few steps for it to fall out."""
+    steps = [f.steps for f in m.fringes]
+    if min(steps) >= LEAST_STEPS:
         return
-    for frames in (linearise(f, m.gamma) for f in m.sample if len(f) >= LEAST_STEPS):
-        use = (np.ptp(frames, axis=0) > 40) & (frames.max(axis=0) < 0.97 * 255)
-        second = harmonic_ratio(frames[:, use], 2) if use.sum() > 20 else 0.0
-        if abs(second) > HARMONIC:
-            yield _finding("response", second=second)
-            return
+    second, frames = 0.0, [linearise(f, m.gamma) for f in m.sample]
+    use = [(np.ptp(f, axis=0) > 40) & (f.max(axis=0) < 0.97 * 255) for f in frames]
+    common = np.all(use, axis=0)
+    if m.curved:  # the pitches' modulations then are those of the curve
+        good = m.lit & (m.modulation > 16).all(axis=0)
+        second = ripple(m.wrapped[:, good], np.log(m.modulation[:, good]), steps)
+    elif max(steps) >= LEAST_STEPS:
+        k = int(np.argmax(steps))
+        second = harmonic_ratio(frames[k][:, use[k]], 2) if use[k].sum() > 20 else 0.0
+    elif common.sum() > 100:
+        second = few_ratio([f[:, common] for f in frames])
+    if abs(second) > HARMONIC:
+        severe = abs(second) > CURVED and bool(
+            (m.sharpness < SURE).any() or m.mask.sum() < 0.5 * m.lit.sum()
+        )
+        yield _finding("response", severe, second=second)
+
+
+def _lost(m, capture) -> Iterator[Finding]:
+    """Reasons that take many of the lit pixels, and that nothing else tells."""
+    shares = {reason: _share(m, reason) for reason in Reason if reason > Reason.DARK}
+    emptied = m.mask.sum() < 0.5 * m.lit.sum()
+    for reason, (why, remedy) in LOST.items():
+        share = shares[reason]
+        if share > LEFT_OUT:
+            severe = share >= 0.5 or (emptied and share == max(shares.values()))
+            yield _finding("lost", severe, share=share, why=why, remedy=remedy)
 
 
 def _light(m, capture) -> Iterator[Finding]:
     """Orders that are a guess; too little light, contrast, or steps to tell the noise."""
     lit, unsure = m.lit.mean(), _share(m, Reason.UNSURE)
     if unsure > SHARE:
-        yield _finding("orders", share=unsure)
+        yield _finding("orders", unsure >= 0.5, share=unsure)
     level = float(np.median(m.modulation.min(axis=0)[m.lit])) if lit > 0 else 0.0
     if lit < 0.02 or level < 20 and _share(m, Reason.SATURATED) < 0.5:
         yield _finding("dark", severe=not m.mask.any(), lit=lit, level=level)
-    contrast = np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]) if lit > 0 else 1.0
+    contrast = (
+        np.median(m.modulation[m.finest][m.lit] / np.maximum(m.average[m.lit], 1))
+        if lit > 0
+        else 1.0
+    )
     if contrast < 0.3:
         yield _finding("contrast", contrast=contrast)
     if m.sample and not m.noise.known:
         yield _finding("noise")
-
-
-def misfits(frames) -> list[int]:
-    """Steps of (N, S) without which a sinusoid leaves much less of the others, worst first."""
-    bad: list[int] = []
-    while len(bad) < len(frames) // 4:
-        keep = [n for n in range(len(frames)) if n not in bad]
-        left = _left(frames, keep)
-        worst = keep[int(np.argmax(left))]
-        without = np.median(_left(frames, [n for n in keep if n != worst]))
-        if left.max() < max(ALONE * without, 3.0) or without > 0.6 * np.median(left):
-            break
-        bad.append(worst)
-    return bad
-
-
-def exchanged(frames) -> tuple[int, int] | None:
-    """The two steps of (N, S) that, exchanged, make them a sinusoid; None if there are none."""
-    steps = list(range(len(frames)))
-    before, after = np.median(_left(frames, steps)), {}
-    for a, b in combinations(steps, 2):
-        order = [{a: b, b: a}.get(n, n) for n in steps]
-        after[a, b] = np.median(_left(frames[order], steps))
-    best = min(after, key=after.get)
-    return best if before > 3.0 and after[best] < before / ALONE else None
-
-
-def _left(frames, keep) -> np.ndarray:
-    """RMS of what a sinusoid leaves of each kept step, by the median over the pixels."""
-    delta = 2 * np.pi * np.array(keep) / len(frames)
-    terms = np.stack([np.ones_like(delta), np.cos(delta), np.sin(delta)], 1)
-    kept = frames[keep]
-    return np.sqrt(np.median((kept - terms @ (np.linalg.pinv(terms) @ kept)) ** 2, axis=1))

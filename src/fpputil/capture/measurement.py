@@ -7,8 +7,10 @@ only be seen in them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +21,31 @@ from fpputil.capture.coding import (
     read_code,
     unwrap_by_code,
 )
-from fpputil.capture.gamma import LEAST_STEPS, estimate_gamma, linearise
+from fpputil.capture.consistency import STEPS, flicker_of
+from fpputil.capture.gamma import (
+    LEAST_STEPS,
+    estimate_gamma,
+    few_ratio,
+    gamma_of_few,
+    gamma_of_plain,
+    harmonic_ratio,
+    linearise,
+)
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Fit, Noise, Reason, fit, judge, noise_of, phase_noise
+from fpputil.capture.quality import (
+    Noise,
+    Reason,
+    blur_of,
+    fit,
+    judge,
+    left_by,
+    noise_of,
+    noise_of_curves,
+    phase_noise,
+    response_by_curve,
+    response_share,
+)
 from fpputil.capture.suggestion import suggestion
 from fpputil.checks import not_negative
 from fpputil.decoding import phase, unwrap
@@ -34,6 +57,9 @@ from fpputil.optics.system import System
 
 SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
 MISLED = 4  # cells of a Gray code without fringes, by which bits in doubt may mislead it
+ENOUGH = 600  # pixels of the grid by which a response is told
+LEAST_LIT = 100  # of them
+SEEN = 0.015  # second harmonic over the fringe, from which on a response is looked for
 LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 
 
@@ -58,6 +84,13 @@ class Measurement:
     noise : Noise
     gamma : float
         Exponent of the response that was taken back.
+    told : str
+        What told gamma; "" if it is 1 for want of anything that did.
+    curved : bool
+        Whether the curve of a power was fitted, black being known, and no sinusoid.
+    gains : list of (steps,) arrays
+        Of each fringe how bright each photograph is, over their mean, which was divided out; ones
+        where it does not flicker, or is not told.
     sample : list of (steps, S) arrays
         Of each fringe the grey levels of a grid of pixels, of 255, as photographed.
     reading : Reading or None
@@ -78,6 +111,9 @@ class Measurement:
     sharpness: np.ndarray
     noise: Noise
     gamma: float
+    told: str
+    curved: bool
+    gains: list[np.ndarray]
     sample: list[np.ndarray]
     reading: Reading | None = None
     unwrapped_in_space: bool = False
@@ -133,6 +169,9 @@ class Measurement:
         mask, lit = self.mask, max(int(self.lit.sum()), 1)
         lost = {r.said: (self.reason == r).sum() / lit for r in Reason if r > Reason.DARK}
         typical = (lambda a: float(np.median(a[mask]))) if mask.any() else (lambda a: float("nan"))
+        few = sorted({f.steps for f in self.fringes if not STEPS[0] <= f.steps <= STEPS[1]})
+        checked = "cannot be told from {} steps".format(", ".join(map(str, few)))
+        checked = checked if few else "looked for"
         bright = typical(self.modulation[self.finest])
         noise = typical(np.sqrt(self.noise.variance(self.average)))
         return {
@@ -140,7 +179,8 @@ class Measurement:
             "pitches, steps": ", ".join(f"{f.pitch:g} x {f.steps}" for f in self.fringes),
             "modulation of the finest pitch, median": f"{bright:.1f}",
             "noise, grey levels": f"{noise:.2f}" + ("" if self.noise.known else " (assumed)"),
-            "gamma": f"{self.gamma:.3f}",
+            "gamma": f"{self.gamma:.3f}" + (f", by {self.told}" if self.told else ""),
+            "exchanged and late photographs": checked,
             "uncertainty of the phase, median": f"{typical(self.sigma):.4f} rad",
             **{f"of the lit pixels {name}": f"{share:.2%}" for name, share in lost.items()},
         }
@@ -203,23 +243,30 @@ def measure(
     fringes = tuple(patterns.along(axis).values())
     if not fringes:
         return _code_alone(capture, axis, threshold, gamma, noise, each)
-    fits, sample, gamma = _read(capture, axis, gamma, each)
+    fits, sample, gains, response = _read(capture, axis, gamma, each)
+    curved = response.gamma != 1 and response.black is not None
+    straight = [f if (g == 1).all() else f / g[:, None] for f, g in zip(sample, gains, strict=True)]
+    if not curved:
+        straight = [linearise(frames, response.gamma) for frames in straight]
     if noise is None:
-        variance = noise_of([linearise(frames, gamma) for frames in sample], threshold)
+        variance = noise_of(straight, threshold)
+        if curved and not variance.known:
+            variance = noise_of_curves(fits, threshold)
     else:
         variance = Noise(not_negative("noise", noise, "grey levels") ** 2, 0.0, True)
     reading, phis = None, [one.wrapped for one in fits]
     if patterns.code(axis) is None:
         Phis = unwrapped(phis)
     else:
-        reading = read_code(capture, axis, variance, gamma, fits[0])
+        reading = read_code(capture, axis, variance, response.gamma, fits[0])
         Phis, sure = unwrap_by_code(
             phis, fringes, reading, phase_noise(fits[0], fringes[0].steps, variance)
         )
     spatial = patterns.unwrap == "spatial"
     width = np.inf if spatial else patterns.width(axis)  # of a phase that is no column yet
+    shares = [0.0 if curved else response_share(frames[:, _lit([frames])]) for frames in straight]
     reason, sigmas, offsets, sharpness = judge(
-        fits, fringes, Phis, variance, threshold, patterns.unwrap, width
+        fits, fringes, Phis, variance, threshold, patterns.unwrap, width, shares
     )
     if reading is not None:
         mean = code_offset(reading, phis[0], fringes[0], reason == Reason.GOOD)
@@ -241,7 +288,10 @@ def measure(
         offsets=offsets,
         sharpness=sharpness,
         noise=variance,
-        gamma=gamma,
+        gamma=response.gamma,
+        told=response.told,
+        curved=curved,
+        gains=gains,
         sample=sample,
         reading=reading,
         unwrapped_in_space=spatial,
@@ -284,6 +334,9 @@ def _code_alone(capture: Capture, axis: str, threshold, gamma, noise, each) -> M
         sharpness=np.empty(0),
         noise=variance,
         gamma=gamma or 1.0,
+        told="" if gamma is None else "the command",
+        curved=False,
+        gains=[],
         sample=[],
         reading=reading,
     )
@@ -356,32 +409,87 @@ def check_projector(system: System, size: tuple[int, int]) -> None:
         )
 
 
-def _read(capture: Capture, axis: str, gamma, each) -> tuple[list[Fit], list[np.ndarray], float]:
-    """Fit of each fringe, its photographs at the pixels of a grid, and gamma.
+class Response(NamedTuple):
+    """Through what the light went: `fit` takes gamma and black; `told` says what told it."""
 
-    The fringe that tells gamma is read first.
+    gamma: float = 1.0
+    black: np.ndarray | float | None = None
+    told: str = ""
+
+
+def _read(capture: Capture, axis: str, gamma, each):
+    """Fit of each fringe, its photographs at the pixels of a grid, and the response.
+
+    The photographs of pitches that tell the response are read twice.
     """
     fringes, shift = capture.patterns.along(axis), capture.patterns.shift
     ticks = [np.linspace(0, n - 1, min(n, SAMPLE)).astype(int) for n in capture.size]
-    fits, sample, few = {}, {}, min(f.steps for f in fringes.values()) < LEAST_STEPS
-    for k, fringe in sorted(fringes.items(), key=lambda item: (-item[1].steps, item[1].pitch)):
-        frames = capture.frames(k)
-        grid = frames[:, *np.ix_(*ticks)].reshape(fringe.steps, -1) * np.float32(capture.scale)
-        if gamma is None:
-            gamma = _gamma(grid) if few else 1.0
-        fits[k], sample[k] = fit(frames, fringe, shift, gamma, capture.full), grid
+    grid = np.ix_(*ticks)
+
+    def sampled(frames):
+        return frames[:, *grid].reshape(len(frames), -1) * np.float32(capture.scale)
+
+    white, black = (capture.plain(step) for step in (0, 1))
+    plain = [None if one is None else one[grid].ravel() for one in (white, black)]
+    most = max(f.steps for f in fringes.values())
+    response = Response()
+    if gamma is not None:
+        response = Response(gamma, told="the command")
+    elif min(f.steps for f in fringes.values()) < LEAST_STEPS:
+        tell = {k: f for k, f in fringes.items() if f.steps == most}
+        response = _response([sampled(capture.frames(k)) for k in tell], [*tell.values()], *plain)
+    if black is not None and (response.black is not None or gamma is not None):
+        response = response._replace(black=black)
+    fits, sample, gains = [], [], []
+    for k, fringe in fringes.items():
+        frames, how = capture.frames(k), {"black": response.black}
+        sample.append(sampled(frames))
+        lit = _lit(sample[-1:])
+        gains.append(flicker_of(sample[-1][:, lit]))
+        if (gains[-1] != 1).any():
+            how["gains"] = gains[-1]
+        if response.gamma != 1 and response.black is not None and len(lit) >= LEAST_LIT:
+            dark = response.black if black is None else plain[1][lit]
+            how["blur"] = blur_of(sample[-1][:, lit], fringe, response.gamma, dark)
+        fits.append(fit(frames, fringe, shift, response.gamma, capture.full, **how))
         del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)
-    return [fits[k] for k in fringes], [sample[k] for k in fringes], gamma
+    return fits, sample, gains, response
 
 
-def _gamma(frames: np.ndarray) -> float:
-    """Gamma of photographs (N, S); 1 if they nearly are linear, or do not tell."""
-    modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
-    use = (modulation > 2 * phase.THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
-    try:
-        gamma = estimate_gamma(frames[:, use])
-    except ValueError:  # too few steps, or nothing fits: the finding "response" tells
-        return 1.0
-    return 1.0 if abs(np.log(gamma)) < LINEAR else gamma
+def _response(samples, fringes, white, black) -> Response:
+    """Response of photographs (N, S); linear if it nearly is, or nothing tells.
+
+    The light from elsewhere is added either to that of a power (by the projector), or before it is
+    raised to one (by the camera): without a photograph of it, what fits better is taken.
+    """
+    use = _lit(samples)
+    if len(use) < LEAST_LIT:
+        return Response()
+    samples = [frames[:, use] for frames in samples]
+    white, black = (None if one is None else one[use] for one in (white, black))
+    few = fringes[0].steps < LEAST_STEPS
+    if abs(few_ratio(samples) if few else harmonic_ratio(samples[-1], 2)) < SEEN:
+        return Response()
+    found = []
+    if few and white is not None and black is not None:
+        with suppress(ValueError):  # another light, or too bright
+            gamma = gamma_of_plain(samples, white, black)
+            return Response(gamma, black, "the photographs in plain light and in none")
+    with suppress(ValueError):  # no gamma does it
+        gamma = gamma_of_few(samples) if few else estimate_gamma(samples[-1])
+        found.append(Response(gamma, None, f"the second harmonic of {fringes[0].steps} steps"))
+    gamma, dark = response_by_curve(samples, fringes, black)
+    found.append(Response(gamma, dark, f"the curve of {fringes[0].steps} steps"))
+    best = min(found, key=lambda one: left_by(samples, fringes, one.gamma, one.black))
+    return Response() if abs(np.log(best.gamma)) < LINEAR else best
+
+
+def _lit(samples) -> np.ndarray:
+    """Numbers of some hundred pixels that are well lit in all photographs, and not saturated."""
+    use = np.ones(samples[0].shape[1], bool)
+    for frames in samples:
+        modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
+        use &= (modulation > 2 * phase.THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
+    return np.flatnonzero(use)[:: max(1, use.sum() // ENOUGH)]

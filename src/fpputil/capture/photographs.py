@@ -80,6 +80,13 @@ class Capture:
         image = np.clip(np.rint(self._read(white) * self.scale), 0, 255).astype(np.uint8)
         return image if image.ndim == 3 else np.stack([image] * 3, axis=2)
 
+    def plain(self, step: int) -> np.ndarray | None:
+        """Photograph in plain light (step 0) or in none (1), (H, W), grey of 255, if there is."""
+        shots = [s for s in self.shots if s.fringe < 0 and s.step == step]
+        if not shots:
+            return None
+        return grey(self._read(shots[0]), self.channel) * np.float32(self.scale)
+
     def of(self, fringe: int) -> list[Shot]:
         """Photographs of a fringe by step."""
         return sorted(s for s in self.shots if s.fringe == fringe)

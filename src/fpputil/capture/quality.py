@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.optimize import minimize, minimize_scalar
 from scipy.special import chdtr, chdtri
 
-from fpputil.capture.gamma import linearise
+from fpputil.capture.gamma import TURN, linearise, power_profile
 from fpputil.decoding import phase
 from fpputil.decoding.unwrap import TWO_PI, beats_of, covers, guard_columns
 from fpputil.optics.fringes import WHITE, Fringe
@@ -22,6 +23,7 @@ QUANTISATION = 1 / 12  # variance of rounding, grey levels squared: the least no
 CLIPPED = 0.1  # of the photographs of a fringe; one clipped of twelve hardly turns the phase
 SCATTER = 0.25  # of the modulation, beyond three times the noise
 UNSTEADY = 0.2  # relative change of the modulation between pitches, beyond four times its noise
+RIPPLED = 0.02  # of the pixels unsteady, from which on a response is looked for in it
 AROUND = 31  # pixels, of the square over which modulations are compared
 UNSURE = 0.4  # of an order, by which two pitches may part; at a half the order is a guess
 CERTAIN = 2.5  # standard deviations of the noise that must lie within half an order
@@ -31,6 +33,10 @@ FEW = 4  # rows and columns, of which one is counted where a mean is enough
 OUTLIERS = 0.2  # share of pixels that are left out, those that scatter most
 LEFT = chdtr(3, chdtri(1, OUTLIERS)) / (1 - OUTLIERS)  # of the variance, by those that are kept
 IN_STEP = 0.25  # most of the second harmonic of a response that a pixel may see
+NEWTON = 4  # steps to a curve that is no sinusoid
+GAMMAS = (-1.1, 1.25)  # logarithm, between which gamma is looked for
+STARTS = (-0.8, -0.3, 0.1, 0.4, 0.7, 1.0)
+BLURRED = 0.5  # most of the blur that is looked for
 BLOCK = 2**18  # grey levels that are worked on at a time, so that they stay in the cache
 MIDDLE = np.float32(WHITE / 2)  # squares are summed about it, so that they stay small
 
@@ -53,11 +59,13 @@ class Reason(IntEnum):
 
 
 class Fit(NamedTuple):
-    """The sinusoid through the photographs of a fringe, at each pixel; all (H, W) float32 arrays.
+    """The curve through the photographs of a fringe, at each pixel; all (H, W) float32 arrays.
 
     `wrapped` phi, radians (Eq. 3); `modulation` I'' (Eq. 16) and `average` I' (Eq. 2), grey levels
-    of 255; `residual`, the variance about the sinusoid with N - 3 degrees of freedom, grey levels
-    squared, 0 for three steps; `clipped`, the photographs in which the camera was saturated.
+    of 255; `residual`, the variance about the curve with its degrees of freedom, grey levels
+    squared, 0 where there are none; `clipped`, the photographs in which the camera was saturated;
+    `slope`, the modulation of the sinusoid that noise turns as much: the modulation itself, but
+    for a response that is not linear.
     """
 
     wrapped: np.ndarray
@@ -65,42 +73,177 @@ class Fit(NamedTuple):
     average: np.ndarray
     residual: np.ndarray
     clipped: np.ndarray
+    slope: np.ndarray
 
 
-def fit(frames, fringe: Fringe, shift: int = 1, gamma: float = 1.0, full: float = WHITE) -> Fit:
-    """Fit the sinusoid of a fringe to all its photographs, (N, H, W). Chapter 12.
+def fit(
+    frames,
+    fringe: Fringe,
+    shift: int = 1,
+    gamma: float = 1.0,
+    full: float = WHITE,
+    black=None,
+    blur: float = 0.0,
+    gains=None,
+) -> Fit:
+    """Fit the curve of a fringe to all its photographs, (N, H, W). Chapter 12.
 
-    `shift`, 1 or -1, is the direction of the steps; `gamma` and `full` are of `linearise`, which
-    is done first.
+    The curve is a sinusoid, Eq. 2, for which `linearise` is done first; or, where black is known
+    beside a gamma that is not 1, that of `power_profile`.
+
+    Parameters
+    ----------
+    frames : (N, H, W) array
+        Grey levels up to `full`.
+    fringe : Fringe
+    shift : {1, -1}
+        Direction of the steps.
+    gamma, full : float
+        As of `linearise`.
+    black : (H, W) array or float, optional
+        The photograph without the projector's light, grey levels of 255.
+    blur : float
+        As of `power_profile`.
+    gains : (N,) array, optional
+        Brightness of each photograph, which is divided out.
 
     Examples
     --------
     >>> steps = 2 * np.pi * np.arange(4).reshape(4, 1, 1) / 4
     >>> result = fit(100 + 50 * np.cos(0.3 + steps), Fringe(24, 4))
     >>> [round(float(value[0, 0]), 3) for value in result]
-    [0.3, 50.0, 100.0, 0.0, 0.0]
+    [0.3, 50.0, 100.0, 0.0, 0.0, 50.0]
     """
     steps, height, width = frames.shape
     delta = fringe.shifts[np.arange(steps) * shift % steps]
     weights = np.stack([np.sin(delta), np.cos(delta), np.ones(steps)]).astype(np.float32)
-    result = Fit(*np.empty((5, height, width), np.float32))
+    result = Fit(*np.empty((6, height, width), np.float32))
     rows = max(1, BLOCK // (steps * width))
     for top in range(0, height, rows):
         here = slice(top, top + rows)
         block = frames[:, here]
         result.clipped[here] = np.add.reduce(block >= full, axis=0, dtype=np.uint16)
         scale = np.float32(WHITE / full)
-        grey = (block * scale if gamma == 1 else linearise(block, gamma, full)) - MIDDLE
+        if gains is not None:
+            block, scale = block * np.float32(WHITE / full / gains)[:, None, None], np.float32(1)
+        if gamma != 1 and black is not None:
+            grey = (block * scale).astype(np.float32, copy=False)
+            dark = np.float32(black if np.ndim(black) == 0 else black[here])
+            curve = _fit_power(grey - dark, delta, gamma, blur)
+            for name, values in (curve | {"average": grey.mean(axis=0)}).items():
+                getattr(result, name)[here] = values
+            continue
+        top_level = full if gains is None else WHITE
+        grey = (block * scale if gamma == 1 else linearise(block, gamma, top_level)) - MIDDLE
         grey = grey.astype(np.float32, copy=False).reshape(steps, -1)
         M, D, total = (weights @ grey).reshape(3, -1, width)
         squares = np.einsum("np,np->p", grey, grey).reshape(M.shape)
         result.wrapped[here] = phase.wrapped_phase(M, D)
-        result.modulation[here] = phase.modulation(M, D, steps)
+        result.modulation[here] = result.slope[here] = phase.modulation(M, D, steps)
         result.average[here] = MIDDLE + total / steps
         # The sum of squares less what average and modulation account for.
         left = squares - total * total / steps - (M * M + D * D) * (2 / steps)
         result.residual[here] = np.maximum(left, 0) / (steps - 3) if steps > 3 else 0
     return result
+
+
+def _fit_power(light, delta, gamma, blur) -> dict[str, np.ndarray]:
+    """Least squares of the phase and strength of a `power_profile` (Gauss and Newton).
+
+    It begins at the phase of the photographs made linear. That alone would raise the noise of the
+    dark, and knows of no blur.
+    """
+    steps, delta = len(light), np.float32(delta).reshape(-1, *(1,) * (light.ndim - 1))
+    linear = linearise(light, gamma)
+    phi = phase.wrapped_phase(*(np.sum(linear * of(delta), axis=0) for of in (np.sin, np.cos)))
+    profile, rise = power_profile(gamma, blur)
+
+    def dot(a, b):
+        return np.einsum("n...,n...->...", a, b)
+
+    for turn in range(NEWTON + 1):
+        at = np.rint((phi + delta) * np.float32(TURN / TWO_PI)).astype(np.int32) & (TURN - 1)
+        curve, slope = profile[at], rise[at]
+        size = np.maximum(dot(curve, curve), 1e-9)
+        strength = dot(curve, light) / size
+        slope = strength * (slope - curve * (dot(curve, slope) / size))
+        left, steep = light - strength * curve, np.maximum(dot(slope, slope), 1e-9)
+        if turn < NEWTON:
+            phi = phi + np.clip(dot(slope, left) / steep, -0.3, 0.3)
+    first = 2 / TURN * abs(np.fft.rfft(profile)[1])
+    return {
+        "wrapped": phi - TWO_PI * np.round(phi / TWO_PI),
+        "modulation": np.maximum(strength, 0) * first,
+        "residual": dot(left, left) / (steps - 2),
+        "slope": np.sqrt(2 / steps * steep),
+    }
+
+
+def left_by(samples, fringes: Sequence[Fringe], gamma: float, black=None, blur=0.0) -> float:
+    """What a response leaves of photographs, over the modulation; the median over the pixels.
+
+    Of each fringe (N, P) grey levels of 255; black (P,), a number or None, as of `fit`. Where three
+    steps have no residual, it is how unlike the modulations of the pitches are.
+    """
+    dark = black if np.ndim(black) == 0 else black[None]
+    fits = [
+        fit(frames[:, None], fringe, 1, gamma, WHITE, dark, blur)
+        for frames, fringe in zip(samples, fringes, strict=True)
+    ]
+    left = [np.median(np.sqrt(one.residual) / np.maximum(one.modulation, 1)) for one in fits]
+    if any(left) or len(fits) == 1:
+        return float(np.mean(left))
+    logs = np.log(np.maximum([one.modulation for one in fits], 1e-3))
+    logs = logs - logs.mean(axis=0)
+    return float(np.median(np.abs(logs - np.median(logs, axis=-1, keepdims=True))))
+
+
+def blur_of(frames, fringe: Fringe, gamma: float, black) -> float:
+    """Blur of `power_profile` that leaves least of photographs; arguments as of `left_by`."""
+
+    def left(blur):
+        return left_by([frames], [fringe], gamma, black, blur)
+
+    return float(minimize_scalar(left, bounds=(0, BLURRED), options={"xatol": 1e-3}).x)
+
+
+def response_by_curve(samples, fringes: Sequence[Fringe], black=None) -> tuple[float, object]:
+    """The power whose curve leaves least of the photographs. Chapter 12.
+
+    Parameters
+    ----------
+    samples : sequence of (N, P) arrays
+        Of each fringe all steps at P pixels, well lit and not saturated, grey levels of 255.
+    fringes : sequence of Fringe
+    black : (P,) array, optional
+        The same pixels without the projector's light; without it one level is found for all.
+
+    Returns
+    -------
+    gamma : float
+    black : (P,) array or float
+        As given, or found.
+
+    Examples
+    --------
+    >>> turns = np.linspace(0, 90, 999) + 2 * np.pi * np.arange(4)[:, None] / 4
+    >>> light = 20 + np.linspace(50, 200, 999) * ((1 + np.cos(turns)) / 2) ** 2.2
+    >>> gamma, black = response_by_curve([light], [Fringe(24, 4)])
+    >>> round(gamma, 1), round(black)
+    (2.2, 20)
+    """
+    pairs = sorted(zip(samples, fringes, strict=True), key=lambda pair: -pair[1].pitch)
+    some = list(zip(*(pairs[:-1] or pairs), strict=True))  # the finest is blurred most
+
+    def left(values):
+        return left_by(*some, np.exp(values[0]), values[1] if black is None else black)
+
+    darkest = float(np.median(np.min([frames.min(axis=0) for frames in samples], axis=0)))
+    bounds = [GAMMAS, (0, darkest)][: 2 if black is None else 1]
+    start = min(((log, 0.5 * darkest)[: len(bounds)] for log in STARTS), key=left)
+    how = {"method": "Nelder-Mead", "options": {"xatol": 1e-3, "fatol": 1e-5}}
+    values = minimize(left, start, bounds=bounds, **how).x
+    return float(np.exp(values[0])), float(values[1]) if black is None else black
 
 
 @dataclass(frozen=True)
@@ -138,13 +281,26 @@ def noise_of(sample: Sequence[np.ndarray], threshold: float) -> Noise:
     points = []
     for frames in sample:
         scatter, use = _scatter(frames, threshold)
-        if use.sum() < LEAST_PIXELS:
-            continue
-        level, scatter = frames[:, use].mean(axis=0), scatter[use]
-        for members in np.array_split(np.argsort(level), min(CLASSES, 1 + len(level) // EACH)):
-            kept = np.sort(scatter[members])[: round((1 - OUTLIERS) * len(members))]
-            points.append((level[members].mean(), kept.mean() / LEFT))
+        points += _classes(frames[:, use].mean(axis=0), scatter[use])
     return _line(points)
+
+
+def noise_of_curves(fits: Sequence[Fit], threshold: float) -> Noise:
+    """Noise by what the curves of a response leave of three steps: one degree of freedom each."""
+    points = []
+    for one in fits:
+        use = ((one.modulation > threshold) & (one.clipped == 0))[::FEW, ::FEW]
+        points += _classes(one.average[::FEW, ::FEW][use], one.residual[::FEW, ::FEW][use])
+    return _line(points)
+
+
+def _classes(level, scatter) -> list[tuple[float, float]]:
+    """Mean grey level and variance of classes of pixels, less those that scatter most."""
+    if len(level) < LEAST_PIXELS:
+        return []
+    members = np.array_split(np.argsort(level), min(CLASSES, 1 + len(level) // EACH))
+    kept = [np.sort(scatter[each])[: round((1 - OUTLIERS) * len(each))] for each in members]
+    return [(level[m].mean(), k.mean() / LEFT) for m, k in zip(members, kept, strict=True)]
 
 
 def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
@@ -162,7 +318,10 @@ def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
     if highest > 1:
         return 2 / steps * (spectrum[highest] * turn.conj() ** highest).imag ** 2, use
     if steps == 4:
-        return spectrum[2].real ** 2 / 4, use & (np.abs((turn**2).real) < IN_STEP)
+        cosine, second = (turn**2).real, spectrum[2].real
+        along = np.abs(spectrum[1]) * cosine
+        second = second - along * ((along @ second) / max(along @ along, 1e-9))
+        return second**2 / 4, use & (np.abs(cosine) < IN_STEP)
     return np.zeros(frames.shape[1]), np.zeros(frames.shape[1], bool)
 
 
@@ -187,11 +346,13 @@ def judge(
     threshold: float,
     method: str,
     width: int,
+    responses: Sequence[float] = (),
 ) -> tuple[np.ndarray, list[np.ndarray], np.ndarray, np.ndarray]:
     """Find a reason not to trust a pixel. Chapter 12.
 
     It takes of each of P pitches the fit, the fringe and the absolute phase, (H, W), radians; the
-    noise, the least modulation, grey levels, and `unwrap` and `width(axis)` of the `Patterns`.
+    noise, the least modulation, grey levels, and `unwrap` and `width(axis)` of the `Patterns`; and
+    of each pitch the `response_share`, 0 by default.
 
     Returns
     -------
@@ -207,11 +368,13 @@ def judge(
     """
     reason, pitches = np.zeros(fits[0].wrapped.shape, np.uint8), [f.pitch for f in fringes]
     sigmas = [
-        _look(one, fringe.steps, noise, threshold, reason)
-        for one, fringe in zip(fits, fringes, strict=True)
+        _look(one, fringe.steps, noise, threshold, reason, share)
+        for one, fringe, share in zip(fits, fringes, responses or [0.0] * len(fits), strict=True)
     ]
-    for (one, other), noises in zip(pairwise(fits), pairwise(sigmas), strict=True):
-        _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), reason)
+    waves = [f.steps * one.wrapped for one, f in zip(fits, fringes, strict=True)]
+    pairs = zip(pairwise(fits), pairwise(sigmas), pairwise(waves), strict=True)
+    for (one, other), noises, turns in pairs:
+        _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), turns, reason)
     means, good = [], reason[::FEW, ::FEW] == Reason.GOOD  # of which an offset may leave none
     for apart, sigma in _apart(Phis, pitches, sigmas, method, width):
         turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][good])
@@ -283,13 +446,14 @@ def _mark(reason, fault, why: Reason) -> None:
     reason[fault & (reason == Reason.GOOD)] = why
 
 
-def _look(one: Fit, steps: int, noise: Noise, threshold: float, reason) -> np.ndarray:
+def _look(one: Fit, steps: int, noise: Noise, threshold, reason, share) -> np.ndarray:
     """Mark dark, saturated and scattered pixels of a fringe; returns the noise of its phase.
 
     ``sigma_phi = sqrt(2/N) sigma / B`` with the noise at the average grey level (chapter 3).
     """
     B, variance = one.modulation, noise.variance(one.average)
-    scattered = np.sqrt(one.residual) > SCATTER * B + 3 * np.sqrt(variance)
+    left = np.sqrt(np.maximum(one.residual - share * B**2, 0))
+    scattered = left > SCATTER * B + 3 * np.sqrt(variance)
     _mark(reason, ~(B > threshold), Reason.DARK)
     _mark(reason, one.clipped > CLIPPED * steps, Reason.SATURATED)
     _mark(reason, scattered, Reason.SCATTERED)
@@ -299,13 +463,14 @@ def _look(one: Fit, steps: int, noise: Noise, threshold: float, reason) -> np.nd
 def phase_noise(one: Fit, steps: int, noise: Noise) -> np.ndarray:
     """Standard deviation of a wrapped phase, (H, W), radians, by noise and modulation (ch. 3)."""
     with np.errstate(divide="ignore"):  # a pixel of one grey level in all photographs
-        return np.sqrt(2 / steps * noise.variance(one.average)) / one.modulation
+        return np.sqrt(2 / steps * noise.variance(one.average)) / one.slope
 
 
-def _mark_unsteady(B, other, sigma, reason) -> None:
+def _mark_unsteady(B, other, sigma, turns, reason) -> None:
     """Mark where the modulation changes between two pitches otherwise than round about.
 
-    The relative noise of a modulation is the noise of its phase.
+    The relative noise of a modulation is the noise of its phase. What goes with `turns`, the steps
+    times the phase of each, is of a response and no reason.
     """
     good = reason == Reason.GOOD
     change = np.zeros_like(B)
@@ -313,8 +478,64 @@ def _mark_unsteady(B, other, sigma, reason) -> None:
     box = (AROUND, AROUND)
     near = cv2.boxFilter(change, -1, box)
     share = cv2.boxFilter(good.astype(np.float32), -1, box)
+    limit = UNSTEADY + 4 * sigma
     with np.errstate(divide="ignore", invalid="ignore"):
-        _mark(reason, np.abs(change - near / share) > UNSTEADY + 4 * sigma, Reason.UNSTEADY)
+        change -= near / share
+        if (np.abs(change[good]) > limit[good]).mean() > RIPPLED if good.any() else False:
+            change -= _ripple(change, turns, good)
+        _mark(reason, np.abs(change) > limit, Reason.UNSTEADY)
+
+
+def _ripple(change, turns, good) -> np.ndarray:
+    """What of a change, (H, W), goes with the turns of two pitches: waves, by least squares."""
+    few = (slice(None, None, FEW), slice(None, None, FEW))
+    waves = [of(k * turn) for turn in turns for k in (1, 2) for of in (np.cos, np.sin)]
+    used = good[few]
+    terms, values = np.stack([wave[few][used] for wave in waves], axis=1), change[few][used]
+    for _ in range(3):  # without those that do not fit
+        factors = np.linalg.lstsq(terms, values, rcond=None)[0]
+        off = np.abs(values - terms @ factors)
+        near = off <= 3 * np.median(off)
+        terms, values = terms[near], values[near]
+    return sum(factor * wave for factor, wave in zip(factors, waves, strict=True))
+
+
+def response_share(frames) -> float:
+    """Variance that a response adds to the residual of a sinusoid, over the squared modulation.
+
+    By harmonics in step with the fringe, in photographs (N, P), at most at a pixel.
+
+    >>> turn = np.linspace(0, 50, 999) + 2 * np.pi * np.arange(8)[:, None] / 8
+    >>> share = response_share(100 + 50 * np.cos(turn) + 10 * np.cos(2 * turn))
+    >>> round(share, 3)  # 0.2**2 / 2, of 8 - 3 degrees of freedom of 8
+    0.032
+    """
+    steps = len(frames)
+    if steps < 4 or not frames.size:
+        return 0.0
+    ratios = harmonics_of(frames)[2:]
+    energy = ratios**2 / 2
+    if steps % 2 == 0:  # the highest harmonic of an even number is a cosine alone
+        energy[-1] *= 2
+    return float(energy.sum() * steps / (steps - 3))
+
+
+def harmonics_of(frames) -> np.ndarray:
+    """Strength of the harmonics 0 to N / 2 of photographs (N, P) in step with the fringe.
+
+    Over that of the fringe, which is 1; harmonic 0 is the average.
+    """
+    steps = len(frames)
+    spectrum = np.fft.rfft(frames, axis=0)
+    size = np.abs(spectrum[1])
+    turn = spectrum[1] / np.maximum(size, 1e-9)
+    along = (spectrum * turn.conj() ** np.arange(len(spectrum))[:, None]).real
+    ratios = along @ size / max(size @ size, 1e-9)
+    ratios[0] /= 2
+    if steps % 2 == 0:
+        wave = (turn ** (steps // 2)).real * size
+        ratios[-1] = (spectrum[-1].real @ wave) / (2 * max(wave @ wave, 1e-9))
+    return ratios
 
 
 def _apart(Phis, pitches, sigmas, method, width) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -1,0 +1,172 @@
+"""Photographs of a fringe against one another: exchanged, doubled, late, or of unlike brightness.
+
+All steps of a pixel lie on one curve: the fringe, and the harmonics of the capture's response in
+step with it. Whether a photograph is on that curve is told by some hundred pixels (chapter 12).
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+ALONE = 4.0  # times what the curve leaves of the other photographs of its fringe
+LOUD = 3.0  # grey levels, from which on what is left speaks of a fault
+STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
+FLICKERS = (4, 64)  # steps from which, and up to which, brightness can be told from the fringe
+ORDERS = 9  # harmonics of a response that are looked for
+ROUNDS = 3  # to the curve
+SUSPECTS = 6  # steps off the curve, of which pairs are tried
+PAIRS = 150  # pixels by which pairs of photographs are tried
+MOST = 0.3  # of brightness that may flicker; more is another fault
+SAME = 0.3  # of the difference that two steps should have
+
+
+def curve_of(frames, keep=None, flicker: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """What the curve of a fringe leaves of its photographs, and how bright each is.
+
+    Parameters
+    ----------
+    frames : (N, S) array
+        All steps at S pixels, well lit and not saturated, grey levels.
+    keep : list of K int, optional
+        Steps that are used; by default all.
+    flicker : bool
+        Whether the brightness of the photographs is free.
+
+    Returns
+    -------
+    left : (K, S) array
+        Grey levels.
+    gains : (K,) array
+        Brightness of each over the mean; ones without `flicker`.
+    """
+    number = len(frames)
+    keep = list(range(number)) if keep is None else keep
+    delta = 2 * np.pi * np.array(keep) / number
+    terms = np.stack([np.ones_like(delta), np.cos(delta), np.sin(delta)], 1)
+    solve = np.linalg.pinv(terms)
+    across = np.eye(len(keep)) - terms @ solve  # takes the sinusoid away
+    orders = np.arange(2, min((number - 1) // 2, ORDERS) + 1)
+    grey, gains, waves = np.asarray(frames, float)[keep], np.ones(len(keep)), 0.0
+    for _ in range(ROUNDS):
+        straight = grey / gains[:, None]
+        average, cosine, sine = solve @ (straight - waves)
+        turn = np.arctan2(-sine, cosine) + delta[:, None]
+        shapes = np.hypot(cosine, sine) * np.cos(orders[:, None, None] * turn)
+        unknown = [across @ shape for shape in shapes]
+        if flicker:
+            curve = terms @ np.stack([average, cosine, sine]) + waves
+            bright = across[:, :, None] * curve  # what a photograph that is brighter does
+            unknown += list(np.moveaxis(bright, 1, 0) - bright.mean(axis=1))
+        if not unknown:
+            break
+        columns = np.reshape(unknown, (len(unknown), -1))
+        factors = np.linalg.lstsq(
+            columns @ columns.T, columns @ (across @ straight).ravel(), rcond=1e-9
+        )[0]
+        waves = np.tensordot(factors[: len(orders)], shapes, 1) if len(orders) else 0.0
+        if flicker:
+            change = factors[len(orders) :]
+            gains = gains * np.clip(1 + change - change.mean(), 0.5, 2)
+    return across @ (grey / gains[:, None] - waves), gains
+
+
+def left_of(frames, keep=None, of=np.median) -> np.ndarray:
+    """What `curve_of` leaves of each kept step, RMS by the median over the pixels, or their mean.
+
+    With flicker, where that explains most of it.
+    """
+    left, _ = curve_of(frames, keep)
+    steady, gains = curve_of(frames, keep, flicker=True)
+    return np.sqrt(of((steady if _flickers(left, steady, gains) else left) ** 2, axis=1))
+
+
+def _flickers(left, steady, gains) -> bool:
+    before, after = (np.median(np.median(np.abs(one), axis=1)) for one in (left, steady))
+    return after < 0.5 * before and np.abs(gains - 1).max() < MOST
+
+
+def flicker_of(frames) -> np.ndarray:
+    """Brightness of each photograph (N,) of a fringe, (N, S); ones where it does not flicker.
+
+    It is told from what it does to the curve, not from the mean alone, which changes with the
+    fringe where a picture holds no whole periods.
+
+    >>> rng = np.random.default_rng(0)
+    >>> turn = rng.uniform(-3, 3, 400) + 2 * np.pi * np.arange(8)[:, None] / 8
+    >>> frames = 100 + 80 * np.cos(turn) + rng.standard_normal(turn.shape)
+    >>> frames[2] *= 0.9
+    >>> flicker_of(frames)[1:4].round(2).tolist()
+    [1.01, 0.91, 1.01]
+    """
+    ones = np.ones(len(frames))
+    if not FLICKERS[0] <= len(frames) <= FLICKERS[1] or frames.shape[1] < 20:
+        return ones
+    left, _ = curve_of(frames)
+    steady, gains = curve_of(frames, flicker=True)
+    return gains if _flickers(left, steady, gains) else ones
+
+
+def misfits(frames) -> list[int]:
+    """Steps of (N, S) without which the curve leaves much less of the others, worst first."""
+    bad: list[int] = []
+    while len(bad) < len(frames) // 4:
+        keep = [n for n in range(len(frames)) if n not in bad]
+        left = left_of(frames, keep)
+        if left.max() < LOUD:
+            break
+        likely = np.argsort(left)[-3:]  # the curve is bent towards the one to blame
+        rest = {n: [k for k in keep if k != keep[n]] for n in likely}
+        after = {n: np.median(left_of(frames, rest[n])) for n in likely}
+        worst = min(after, key=after.get)
+        if left[worst] < max(ALONE * after[worst], LOUD) or after[worst] > 0.6 * np.median(left):
+            break
+        bad.append(keep[worst])
+    return bad
+
+
+def exchanged(frames) -> tuple[int, int] | None:
+    """The two steps of (N, S) that, exchanged, put them on a curve; None if there are none.
+
+    Neighbours of many steps differ little, or, if the fringes are square, at few pixels: then the
+    mean over the pixels tells, not their median.
+    """
+    few = frames[:, :: max(1, frames.shape[1] // PAIRS)]
+    steps = list(range(len(frames)))
+    for of, alone in ((np.median, ALONE), (np.mean, ALONE / 2)):
+        left, after = left_of(few, of=of), {}
+        if (before := left.max()) <= LOUD:
+            continue
+        for a, b in combinations(np.sort(np.argsort(left)[-SUSPECTS:]).tolist(), 2):
+            order = [{a: b, b: a}.get(n, n) for n in steps]
+            after[a, b] = left_of(few[order], of=of).max()
+        best = min(after, key=after.get)
+        if after[best] < before / alone:
+            return best
+    return None
+
+
+def doubled(frames) -> tuple[int, int] | None:
+    """Two steps of (N, S) that are one picture, but for its brightness; None if there are none.
+
+    The first is the one without which a curve leaves less.
+    """
+    grey = np.asarray(frames, float)
+    delta = 2 * np.pi * np.arange(len(grey)) / len(grey)
+    terms = np.stack([np.ones_like(delta), np.cos(delta), np.sin(delta)], 1)
+    curve = terms @ (np.linalg.pinv(terms) @ grey)
+    found = {}
+    for a, b in combinations(range(len(grey)), 2):
+        should = np.sqrt(np.mean(_unlike(curve[a], curve[b]) ** 2))
+        found[a, b] = np.sqrt(np.mean(_unlike(grey[a], grey[b]) ** 2)) / max(should, LOUD)
+    best = min(found, key=found.get)
+    if found[best] >= SAME:
+        return None
+    left = {n: left_of(frames, [k for k in range(len(grey)) if k != n]) for n in best}
+    return tuple(sorted(best, key=lambda n: np.mean(left[n])))
+
+
+def _unlike(one, other):
+    """What one photograph has that the other has not, but for its brightness."""
+    return other - one * ((one @ other) / max(one @ one, 1e-9))
