@@ -201,7 +201,8 @@ def board_pose(
     if set(capture.patterns.axes) != {"column", "row"}:
         raise ValueError(
             f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
-            "columns and rows (`fpp patterns --axis both`)"
+            "columns and rows, for one of them leaves half of the projector unknown (`fpp patterns "
+            "--axis both`)"
         )
     across, down = (measure(capture, axis, **how) for axis in ("column", "row"))
     severe = [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]
