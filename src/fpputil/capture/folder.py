@@ -17,7 +17,6 @@ from fpputil.capture.diagnosis import Finding, diagnose, of_files
 from fpputil.capture.measurement import Measurement, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
-from fpputil.decoding.pointcloud import clean_points, save_ply, surface, typical_edge
 from fpputil.decoding.triangulation import depth_of
 from fpputil.files import folder_whole
 from fpputil.optics.system import System
@@ -136,18 +135,14 @@ def decode_folder(
                 points = vertical.points(system)
                 sigma = vertical.depth_sigma(depth_of(points, system), system)
                 limits = {"max_sigma": max_sigma, "lone": lone, "min_area": min_area}
-                points, summary["removed"] = clean_points(points, sigma, **limits)
-                if not np.isfinite(points).any() and any(summary["removed"].values()):
-                    lost = ", ".join(f"{n} {why}" for why, n in summary["removed"].items())
-                    raise ValueError(f"no point is left: {lost}; give min_area or another limit")
+                points, summary["removed"] = _cleaned(points, sigma, limits)
                 depth = depth_of(points, system)
                 colours = capture.colours()
                 if colours is None:  # the average of the fringes stands in
                     colours = np.stack([vertical.average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
                 if mesh:
-                    longest = BRIDGE * typical_edge(points)
-                    save_ply(partial / "mesh.ply", surface(points, longest, colours))
+                    _save_mesh(partial / "mesh.ply", points, colours)
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
             np.savez(partial / "decoded.npz", **arrays)
             for key, values in arrays.items() if pictures else ():
@@ -211,6 +206,24 @@ def board_pose(
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)
     return pose, capture.patterns.projector
+
+
+def _cleaned(points, sigma, limits) -> tuple[np.ndarray, dict[str, int]]:
+    """`clean_points`, which must leave some where there were some."""
+    from fpputil.decoding.pointcloud import clean_points  # loads trimesh
+
+    points, removed = clean_points(points, sigma, **limits)
+    if not np.isfinite(points).any() and any(removed.values()):
+        lost = ", ".join(f"{n} {why}" for why, n in removed.items())
+        raise ValueError(f"no point is left: {lost}; give min_area or another limit")
+    return points, removed
+
+
+def _save_mesh(path: Path, points, colours) -> None:
+    """Write triangles between neighbours as PLY, but for those that bridge a step in depth."""
+    from fpputil.decoding.pointcloud import save_ply, surface, typical_edge
+
+    save_ply(path, surface(points, BRIDGE * typical_edge(points), colours))
 
 
 def _save_points(path: Path, points, colours, sigma) -> int:
