@@ -99,6 +99,9 @@ def test_a_dim_capture_of_all_bits_is_not_taken_for_fewer():
 STACKS = {
     "tif": lambda path, frames: tifffile.imwrite(path, np.stack(frames), photometric="minisblack"),
     "npy": lambda path, frames: np.save(path, np.stack(frames)),
+    "TIF": lambda path, frames: tifffile.imwrite(
+        path, [cv2.merge([f] * 3) for f in frames], photometric="rgb", compression="zlib"
+    ),
     "tiff": lambda path, frames: path.write_bytes(cv2.imencodemulti(".tiff", frames)[1].tobytes()),
 }
 
@@ -109,6 +112,17 @@ def test_a_stack_holds_all_photographs(tmp_path, frames, columns, suffix, files)
     STACKS[suffix](tmp_path / f"all.{suffix}", frames)
     patterns = replace(PATTERNS, files=files.format(suffix))
     np.testing.assert_array_equal(columns_of(tmp_path, patterns), columns)
+
+
+@pytest.mark.parametrize("compression", [None, "zlib"])
+def test_colours_of_a_stack_are_not_exchanged(tmp_path, compression):
+    red = np.zeros((2, 9, 8, 3), np.uint8)
+    red[1, ..., 0] = 200
+    tifffile.imwrite(tmp_path / "a.tif", red, photometric="rgb", compression=compression)
+    assert read_pixels(tmp_path / "a.tif", 1)[0, 0].tolist() == [200, 0, 0]
+    (tmp_path / "a.tif").write_bytes((tmp_path / "a.tif").read_bytes()[:-50])
+    with pytest.raises(ValueError, match="is cut"):
+        read_pixels(tmp_path / "a.tif", 1)
 
 
 def test_a_stack_for_each_pitch_and_the_plain_ones_first(tmp_path, frames, columns):

@@ -25,7 +25,6 @@ from fpputil.capture.relief import (
     remove_ground,
     save_relief,
 )
-from fpputil.decoding.pointcloud import clean_points, save_ply, surface, typical_edge
 from fpputil.decoding.triangulation import depth_of
 from fpputil.files import folder_whole
 from fpputil.optics.system import System
@@ -176,18 +175,14 @@ def decode_folder(
                 points, sigma = located.points, located.sigma
                 sigma[~(good := trusted(located, system))] = points[~good] = np.nan
                 limits = {"max_sigma": max_sigma, "lone": lone, "min_area": min_area}
-                points, summary["removed"] = clean_points(points, sigma, **limits)
-                if not np.isfinite(points).any() and any(summary["removed"].values()):
-                    lost = ", ".join(f"{n} {why}" for why, n in summary["removed"].items())
-                    raise ValueError(f"no point is left: {lost}; give min_area or another limit")
+                points, summary["removed"] = _cleaned(points, sigma, limits)
                 depth = depth_of(points, system)
                 colours = capture.colours()
                 if colours is None:  # the average of the fringes stands in
                     colours = np.stack([measurements[0].average.astype(np.uint8)] * 3, axis=2)
                 summary["points"] = _save_points(partial / "points.ply", points, colours, sigma)
                 if mesh:
-                    longest = BRIDGE * typical_edge(points)
-                    save_ply(partial / "mesh.ply", surface(points, longest, colours))
+                    _save_mesh(partial / "mesh.ply", points, colours)
                 arrays |= {"depth": depth.astype("f4"), "depth_sigma": sigma.astype("f4")}
             np.savez(partial / "decoded.npz", **arrays)
             for key, values in arrays.items() if pictures else ():
@@ -249,7 +244,8 @@ def board_pose(
     if set(capture.patterns.axes) != {"column", "row"}:
         raise ValueError(
             f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
-            "columns and rows (`fpp patterns --axis both`)"
+            "columns and rows, for one of them leaves half of the projector unknown (`fpp patterns "
+            "--axis both`)"
         )
     if capture.patterns.unwrap == "spatial":
         raise ValueError(f"{folder} is unwrapped in space; a calibration needs absolute columns")
@@ -261,6 +257,24 @@ def board_pose(
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)
     return pose, capture.patterns.projector
+
+
+def _cleaned(points, sigma, limits) -> tuple[np.ndarray, dict[str, int]]:
+    """`clean_points`, which must leave some where there were some."""
+    from fpputil.decoding.pointcloud import clean_points  # loads trimesh
+
+    points, removed = clean_points(points, sigma, **limits)
+    if not np.isfinite(points).any() and any(removed.values()):
+        lost = ", ".join(f"{n} {why}" for why, n in removed.items())
+        raise ValueError(f"no point is left: {lost}; give min_area or another limit")
+    return points, removed
+
+
+def _save_mesh(path: Path, points, colours) -> None:
+    """Write triangles between neighbours as PLY, but for those that bridge a step in depth."""
+    from fpputil.decoding.pointcloud import save_ply, surface, typical_edge
+
+    save_ply(path, surface(points, BRIDGE * typical_edge(points), colours))
 
 
 def _save_points(path: Path, points, colours, sigma) -> int:

@@ -176,6 +176,10 @@ def _array(path: Path, page: int) -> np.ndarray:
 
 
 def _image(path: Path, page: int) -> np.ndarray:
+    """Of any other file, with its colours as OpenCV orders them."""
+    stacked = _of_stack(path, page) if path.suffix.lower() in STACKS else None
+    if stacked is not None:
+        return stacked
     data = path.read_bytes()  # for OpenCV cannot open a file whose name is not UTF-8
     at_most("pixels", _promised(data, page), "FPP_MOST_PIXELS")
     buffer = np.frombuffer(data, np.uint8)
@@ -187,6 +191,17 @@ def _image(path: Path, page: int) -> np.ndarray:
     if image is None:
         raise ValueError("OpenCV does not read it")
     return image
+
+
+def _of_stack(path: Path, page: int) -> np.ndarray | None:
+    """A page of many in a TIFF file, without reading the others; None of one that is packed."""
+    with tifffile.TiffFile(path) as file:
+        head = file.pages[page]
+        if len(file.pages) == 1 or head.compression != tifffile.COMPRESSION.NONE:
+            return None
+        at_most("pixels", head.imagewidth * head.imagelength, "FPP_MOST_PIXELS")
+        image = head.asarray()
+    return image[..., [2, 1, 0]] if image.ndim == 3 and image.shape[2] > 2 else image
 
 
 def _promised(data: bytes, page: int) -> int:

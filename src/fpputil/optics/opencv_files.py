@@ -101,7 +101,7 @@ def matrices_of(entries: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     for role, names in wanted.items():
         for name in names:
             fits = name in plain and plain[name].size in NUMBERS[role.split()[-1]]
-            if fits and role not in found:
+            if fits and role not in found and np.isfinite(plain[name]).all():
                 found[role] = plain[name]
     for who in ("camera", "projector"):
         sides = [found.pop(f"{who} {side}", None) for side in ("width", "height")]
