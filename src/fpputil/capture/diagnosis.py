@@ -6,6 +6,7 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import cv2
@@ -15,8 +16,8 @@ from fpputil.capture.consistency import FLICKERS, STEPS, doubled, exchanged, mis
 from fpputil.capture.gamma import LEAST_STEPS, few_ratio, harmonic_ratio, linearise, ripple
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Reason
-from fpputil.decoding import phase
+from fpputil.capture.quality import FEW, Reason, order_step
+from fpputil.decoding import phase, unwrap
 
 FINDINGS = {
     "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
@@ -40,7 +41,7 @@ FINDINGS = {
         "camera is mirrored or upside down: set it right, or use --accept",
     ),
     "offset": (
-        "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
+        "the phases of {pair} are apart by {offset:+.2f} of an order everywhere{likely}",
         "check that both begin with step 0 and have the steps that were projected",
     ),
     "disagree": (
@@ -141,6 +142,7 @@ HARMONIC = 0.02  # second harmonic over the fringe, above which a response count
 PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order step
+AGREED = 0.95  # cosine of the mean of what pitches are apart, from which on they agree
 SMOOTH = (9, 9)  # pixels, over which the local frequency is averaged
 LEFT_OUT = 0.05  # of the lit pixels, above which a reason is told; from a half on it is an error
 CURVED = 0.1  # second harmonic, above which three steps put orders wrong
@@ -152,19 +154,27 @@ STRONG = 400  # pixels at which photographs are compared
 class Finding(NamedTuple):
     """What speaks against a capture: a key of `FINDINGS`, what is the matter, what to do about it.
 
-    With a severe one the phases are wrong, not only noisier or fewer.
+    With a severe one the phases are wrong, not only noisier or fewer. `axis` is that of the
+    fringes, "" if there is but one.
     """
 
     code: str
     severe: bool
     message: str
     remedy: str
+    axis: str = ""
+
+    @property
+    def where(self) -> str:
+        """Before the message in a list of several axes: ``"columns: "``."""
+        return f"{self.axis}s: " if self.axis else ""
 
 
 def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     """All that speaks against a capture along the axis of a measurement. Chapter 12.
 
-    The severe come first; what another finding explains is left out.
+    The severe come first; what another finding explains is left out, but for a severe one that only
+    one that is not would explain.
 
     Examples
     --------
@@ -183,14 +193,14 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     """
     checks = (_repeated, _frequencies, _offset, _clipping, _response, _light, _lost)
     findings = [finding for check in checks for finding in check(measurement, capture)]
-    codes = {finding.code for finding in findings}
-    follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
-    curved = any(f.code == "response" and f.severe for f in findings)
-    if curved:
-        follow |= {*ORDER, "pitch"}
-    if any(f.severe and f.code not in (*follow, "lost") for f in findings):
-        follow.add("lost")
-    findings = [finding for finding in findings if finding.code not in follow]
+    hidden = {(code, True) for f in findings if f.severe for code in FOLLOW.get(f.code, ())}
+    hidden |= {(code, False) for f in findings for code in FOLLOW.get(f.code, ())}
+    if any(f.code == "response" and f.severe for f in findings):
+        hidden |= {(code, severe) for code in (*ORDER, "pitch") for severe in (True, False)}
+    if any(f.severe and (f.code, True) not in hidden and f.code != "lost" for f in findings):
+        hidden |= {("lost", True), ("lost", False)}
+    axis = measurement.axis if len(capture.patterns.axes) > 1 else ""
+    findings = [f._replace(axis=axis) for f in findings if (f.code, f.severe) not in hidden]
     return sorted(findings, key=lambda finding: not finding.severe)
 
 
@@ -294,10 +304,40 @@ def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
         pair = f"{_fringe(m, k)} and pitch {m.fringes[k + 1].pitch:g}"
-        if sharpness > SURE and abs(offset) > OFFSET:
-            yield _finding("offset", pair=pair, offset=offset)
+        if abs(offset) > OFFSET and sharpness > SURE / 2:
+            late = [
+                f"pitch {m.fringes[j].pitch:g} began with step {step}"
+                for j, step in _late(m, capture.patterns)
+            ]
+            likely = f"; it looks as if {' or '.join(late)}" if late else ""
+            if late or sharpness > SURE:
+                yield _finding("offset", pair=pair, offset=offset, likely=likely)
         elif sharpness < SURE / 2 and m.lit.any():
             yield _finding("disagree", pair=pair)
+
+
+def _late(m, patterns) -> list[tuple[int, int]]:
+    """Pitches, by number, and the steps with which they would begin if all then agree."""
+    if patterns.unwrap not in unwrap.TEMPORAL:
+        return []
+    method, pitches = unwrap.TEMPORAL[patterns.unwrap], [f.pitch for f in m.fringes]
+    few = m.wrapped[:, ::FEW, ::FEW][:, m.lit[::FEW, ::FEW]]
+    agree = {}
+    for j, fringe in enumerate(m.fringes):
+        for step in range(1, fringe.steps):
+            phis = list(few)
+            phis[j] = unwrap.wrap(phis[j] - patterns.shift * unwrap.TWO_PI * step / fringe.steps)
+            Phis = method(phis, pitches, patterns.width(m.axis))
+            apart = [
+                np.nanmean(np.exp(1j * unwrap.TWO_PI * (A * p - B * q) / (unwrap.TWO_PI * size)))
+                for (A, p), (B, q) in pairwise(zip(Phis, pitches, strict=True))
+                for size in [order_step(patterns.unwrap, p, q)]
+            ]
+            if all(a.real > AGREED * abs(a) for a in apart):
+                agree[j, step] = sum(a.real for a in apart)
+    best = max(agree.values(), default=0.0)
+    enough = max(best - 0.02, len(apart) * SURE / 2) if agree else 0.0
+    return [key for key, value in agree.items() if value > enough]
 
 
 def _clipping(m, capture) -> Iterator[Finding]:

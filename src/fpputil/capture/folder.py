@@ -173,7 +173,8 @@ def board_pose(
             "columns and rows (`fpp patterns --axis both`)"
         )
     across, down = (measure(capture, axis) for axis in ("column", "row"))
-    if severe := [f.message for m in (across, down) for f in diagnose(m, capture) if f.severe]:
+    found = [f for m in (across, down) for f in diagnose(m, capture) if f.severe]
+    if severe := [f.where + f.message for f in found]:
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)

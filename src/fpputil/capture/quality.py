@@ -375,18 +375,22 @@ def judge(
     for (one, other), noises, turns in pairs:
         _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), turns, reason)
     means = []
+    few = (slice(None, None, FEW), slice(None, None, FEW))
+    tell = reason[few] == Reason.GOOD
+    tell = tell if tell.any() else reason[few] != Reason.DARK
     for apart, sigma in _apart(Phis, pitches, sigmas, method):
-        turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD])
+        turns = np.exp(1j * TWO_PI * apart[few][tell])
         means.append(turns.mean() if turns.size else 0)
         _mark(reason, ~((np.abs(apart) < UNSURE) & (CERTAIN * sigma < 0.5)), Reason.UNSURE)
     means = np.array(means[: len(fits) - 1], complex)
     finest = int(np.argmin(pitches))
     column = Phis[finest] * np.float32(pitches[finest] / TWO_PI)
-    guard, few = 0.0, sigmas[0][::FEW, ::FEW][reason[::FEW, ::FEW] == Reason.GOOD]
-    if method == "mf" and pitches[0] <= 1.05 * width and few.size:
+    guard, typical = 0.0, sigmas[0][few][reason[few] == Reason.GOOD]
+    if method == "mf" and pitches[0] <= 1.05 * width and typical.size:
         # columns at either border that noise may throw to the other (chapter 4)
-        guard = min(guard_columns(float(np.median(few)), width), width / 4)
-    inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
+        sigma = np.maximum(sigmas[0], np.float32(np.median(typical)))
+        guard = np.minimum(guard_columns(1.0, width) * sigma, width / 4)
+    inside = np.abs(column - np.float32((width - 1) / 2)) <= width / 2 - guard
     _mark(reason, ~inside, Reason.OUTSIDE)
     return reason, sigmas, np.angle(means) / TWO_PI, np.abs(means)
 

@@ -27,7 +27,9 @@ class Files:
     first: Annotated[int, option("Number of the first step in a name.")] = 0
     order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
     white: Annotated[str, option("Photograph in plain light.")] = ""
-    black: Annotated[str, option("Photograph in no light.")] = ""
+    black: Annotated[
+        str, option("Photograph in no light: with gamma, it is taken from the others.")
+    ] = ""
 
 
 FILES = Files()
@@ -40,7 +42,11 @@ def decode(
     out: Annotated[Path | None, option("New folder (default FOLDER-decoded).")] = None,
     system: Annotated[str | None, option("For millimetres: tiny, small, paper or a file.")] = None,
     gamma: Annotated[
-        str, option("Exponent of the response, taken back; auto: where a pitch has under 5 steps.")
+        str,
+        option(
+            "Exponent of the response, taken back; auto: where a pitch has under 5 steps, by the "
+            "longest, the plain photographs, or three and four steps themselves."
+        ),
     ] = "auto",
     threshold: Annotated[float, option("Least modulation, grey levels of 255.")] = 8.0,
     noise: Annotated[float | None, option("Grey levels of 255 (default: estimated).")] = None,
@@ -105,9 +111,12 @@ def _print(decoded, system) -> None:
     for axis, numbers in summary["numbers"].items():
         sigma = f"uncertainty {numbers['uncertainty of the phase, median']} (median)"
         print(f"{axis}s: {numbers['pixels in the mask']} in the mask, {sigma}")
+        if "by" in numbers["gamma"]:
+            print(f"{axis}s: response of gamma {numbers['gamma']}, taken back")
     for finding in decoded.findings:
         kind = "error" if finding.severe else "note"
-        print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)
+        said = f"{kind}: {finding.where}{finding.message}; {finding.remedy}"
+        print(said, file=sys.stderr)
     if "points" in summary:
         print(f"{summary['points']} points in {decoded.out / 'points.ply'}")
     elif system is None:
