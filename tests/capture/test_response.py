@@ -15,7 +15,7 @@ from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.quality import Reason
 from fpputil.decoding.unwrap import wrap
-from fpputil.optics.fringes import fringe_set
+from fpputil.optics.fringes import Fringe, fringe_set
 
 PROJECTOR = (912, 1140)
 CAPTURES = Path(os.environ.get("FPP_CAPTURES", Path(__file__).parents[3] / "shared" / "captures"))
@@ -164,3 +164,24 @@ def test_a_board_through_a_gamma_is_a_pose(tmp_path, wall):
         for found, truth in ((pose.column, wall.column), (pose.row, wall.row)):
             assert np.isfinite(found).mean() > 0.95 * wall.mask.mean()
             assert np.nanmedian(np.abs(found - truth)) < 0.15
+
+
+def test_corrected_patterns_are_photographed_as_sinusoids(judged, error):
+    patterns = three(gamma=2.2)
+    shown = patterns.picture(patterns.shots()[0])[0].astype(float)
+    through = 255 * (shown / 255) ** 2.2
+    line = Fringe(912, 3).intensity(np.arange(912), 0)
+    assert np.abs(through - line).max() < 1.5
+    result, findings = judged(patterns, response=2.2)
+    assert result.gamma == 1 and np.sqrt(np.mean(error(result)[0] ** 2)) < 0.03
+    assert set(findings) <= {"noise"}
+    with pytest.raises(ValueError, match="a number from 0.1 to 10 is needed"):
+        three(gamma=0)
+
+
+def test_corrected_patterns_say_so_in_their_file(tmp_path):
+    for gamma in (1.0, 2.2):
+        three(gamma=gamma).save(tmp_path / "patterns.toml")
+        text = (tmp_path / "patterns.toml").read_text()
+        assert ("gamma" in text) == (gamma != 1)
+        assert Patterns.load(tmp_path / "patterns.toml") == three(gamma=gamma)

@@ -6,6 +6,7 @@ only be seen in them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -49,6 +50,7 @@ SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
 ENOUGH = 600  # pixels of the grid by which a response is told
 LEAST_LIT = 100  # of them
 SEEN = 0.015  # second harmonic over the fringe, from which on a response is looked for
+SHOWN = 2**20  # grey levels of all photographs that a report shows
 LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 
 
@@ -82,6 +84,8 @@ class Measurement:
         where it does not flicker, or is not told.
     sample : list of (steps, S) arrays
         Of each fringe the grey levels of a grid of pixels, of 255, as photographed.
+    shown : list of (steps, h, w) uint8 arrays
+        Of each fringe every k-th row and column of the photographs, of 255, for a report.
     """
 
     axis: str
@@ -100,6 +104,7 @@ class Measurement:
     curved: bool
     gains: list[np.ndarray]
     sample: list[np.ndarray]
+    shown: list[np.ndarray]
 
     @property
     def finest(self) -> int:
@@ -223,7 +228,7 @@ def measure(
     except ValueError as error:
         raise ValueError(f"{capture.folder}: {error}") from error
     fringes = tuple(patterns.along(axis).values())
-    fits, sample, gains, response = _read(capture, axis, gamma, each)
+    fits, sample, gains, shown, response = _read(capture, axis, gamma, each)
     curved = response.gamma != 1 and response.black is not None
     straight = [f if (g == 1).all() else f / g[:, None] for f, g in zip(sample, gains, strict=True)]
     if not curved:
@@ -257,6 +262,7 @@ def measure(
         curved=curved,
         gains=gains,
         sample=sample,
+        shown=shown,
     )
 
 
@@ -332,10 +338,14 @@ def _read(capture: Capture, axis: str, gamma, each):
         response = _response([sampled(capture.frames(k)) for k in tell], [*tell.values()], *plain)
     if black is not None and (response.black is not None or gamma is not None):
         response = response._replace(black=black)
-    fits, sample, gains = [], [], []
+    fits, sample, gains, shown = [], [], [], []
+    number = sum(f.steps for f in capture.patterns.fringes)
+    every = max(1, math.ceil(math.sqrt(math.prod(capture.size) * number / SHOWN)))
     for k, fringe in fringes.items():
         frames, how = capture.frames(k), {"black": response.black}
         sample.append(sampled(frames))
+        some = frames[:, ::every, ::every] * np.float32(capture.scale)
+        shown.append(np.clip(np.rint(some), 0, WHITE).astype(np.uint8))
         lit = _lit(sample[-1:])
         gains.append(flicker_of(sample[-1][:, lit]))
         if (gains[-1] != 1).any():
@@ -347,7 +357,7 @@ def _read(capture: Capture, axis: str, gamma, each):
         del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)
-    return fits, sample, gains, response
+    return fits, sample, gains, shown, response
 
 
 def _response(samples, fringes, white, black) -> Response:

@@ -48,7 +48,8 @@ def photograph(
         if shot.fringe < 0:
             yield shot, (view.dark if shot.step else view.plain)(**camera, seed=drawn)
             continue
-        fringe = replace(patterns.fringes[shot.fringe], gamma=response, levels=256)
+        fringe = patterns.fringes[shot.fringe]
+        fringe = replace(fringe, gamma=response / patterns.gamma, levels=256)
         step = shot.step * patterns.shift % fringe.steps
         yield shot, view.frames(fringe, steps=[step], seed=drawn, **camera)[0]
 
