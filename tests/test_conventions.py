@@ -95,7 +95,10 @@ ARROWS = {  # each package imports from those below it alone
     "decoding": ("checks", "files", "optics"),
     "calibration": ("checks", "optics"),
     "interactive": ("decoding", "notebook", "optics", "plotting"),
-    "capture": (*("calibration", "checks", "decoding", "files", "notebook", "optics", "plotting"),),
+    "capture": (
+        *("calibration", "checks", "decoding", "files", "interactive", "notebook", "optics"),
+        "plotting",
+    ),
     "dataset": ("capture", "checks", "decoding", "files", "optics"),
     "networks": ("checks", "decoding", "optics"),
     "learning": (*("checks", "dataset", "decoding", "files", "networks", "optics", "plotting"),),

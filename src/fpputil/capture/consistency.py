@@ -19,6 +19,7 @@ ROUNDS = 3  # to the curve
 SUSPECTS = 6  # steps off the curve, of which pairs are tried
 PAIRS = 150  # pixels by which pairs of photographs are tried
 MOST = 0.3  # of brightness that may flicker; more is another fault
+STEADIER = 0.65  # of what is left, if the brightness is free, at most; else it does not flicker
 SAME = 0.3  # of the difference that two steps should have
 
 
@@ -84,7 +85,7 @@ def left_of(frames, keep=None, of=np.median) -> np.ndarray:
 
 def _flickers(left, steady, gains) -> bool:
     before, after = (np.median(np.median(np.abs(one), axis=1)) for one in (left, steady))
-    return after < 0.5 * before and np.abs(gains - 1).max() < MOST
+    return after < STEADIER * before and np.abs(gains - 1).max() < MOST
 
 
 def flicker_of(frames) -> np.ndarray:

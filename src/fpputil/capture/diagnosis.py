@@ -19,7 +19,7 @@ from fpputil.capture.measurement import Measurement
 from fpputil.capture.mounting import growth, growth_by, heading, local_gradients, way, writing
 from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import FEW, Reason, start_offsets
+from fpputil.capture.quality import FEW, Reason, parted, start_offsets
 from fpputil.decoding import phase, unwrap
 from fpputil.optics.system import System
 
@@ -77,7 +77,7 @@ FINDINGS = {
         "project a Gray code: of binary numbers several bits change at one edge",
     ),
     "offset": (
-        "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
+        "the phases of {pair} are apart by {offset:+.2f} of an order everywhere{late}",
         "{likely}check that both begin with step 0 and have the steps that were projected",
     ),
     "disagree": (
@@ -200,6 +200,7 @@ PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order
 FITS = 0.05  # of an order, by which a start may miss the offsets that it explains
+AGREED = 0.95  # cosine of the mean of what pitches are apart, from which on they agree
 LEFT_OUT = 0.05  # of the lit pixels, above which a reason is told; from a half on it is an error
 CURVED = 0.1  # second harmonic, above which three steps put orders wrong
 MIDDLING = 0.12  # of the grey levels, at most, between dark and bright in square fringes
@@ -211,13 +212,20 @@ ONE_COLOUR = 0.5  # of the brightest channel, under which grey is a waste of lig
 class Finding(NamedTuple):
     """What speaks against a capture: a key of `FINDINGS`, what is the matter, what to do about it.
 
-    With a severe one the phases are wrong, not only noisier or fewer.
+    With a severe one the phases are wrong, not only noisier or fewer. `axis` is that of the
+    fringes, "" if there is but one.
     """
 
     code: str
     severe: bool
     message: str
     remedy: str
+    axis: str = ""
+
+    @property
+    def where(self) -> str:
+        """Before the message in a list of several axes: ``"columns: "``."""
+        return f"{self.axis}s: " if self.axis else ""
 
 
 def diagnose(
@@ -228,9 +236,10 @@ def diagnose(
 ) -> list[Finding]:
     """All that speaks against a capture along the axis of a measurement. Chapter 12.
 
-    The severe come first; what another finding explains is left out. With a system the fringes
-    are to run as it says that the projector hangs, without one as an upright one's. The codes of
-    findings that are ignored neither count nor explain others.
+    The severe come first; what another finding explains is left out, but for a severe one that only
+    one that is not would explain. With a system the fringes are to run as it says that the
+    projector hangs, without one as an upright one's. The codes of findings that are ignored neither
+    count nor explain others.
 
     Examples
     --------
@@ -251,14 +260,14 @@ def diagnose(
     findings = list(_frequencies(measurement, capture, system))
     findings += [finding for check in checks for finding in check(measurement, capture)]
     findings = [finding for finding in findings if finding.code not in ignored]
-    codes = {finding.code for finding in findings}
-    follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
-    curved = any(f.code == "response" and f.severe for f in findings)
-    if curved:
-        follow |= {*ORDER, "pitch"}
-    if any(f.severe and f.code not in (*follow, "lost") for f in findings):
-        follow.add("lost")
-    findings = [finding for finding in findings if finding.code not in follow]
+    hidden = {(code, True) for f in findings if f.severe for code in FOLLOW.get(f.code, ())}
+    hidden |= {(code, False) for f in findings for code in FOLLOW.get(f.code, ())}
+    if any(f.code == "response" and f.severe for f in findings):
+        hidden |= {(code, severe) for code in (*ORDER, "pitch") for severe in (True, False)}
+    if any(f.severe and (f.code, True) not in hidden and f.code != "lost" for f in findings):
+        hidden |= {("lost", True), ("lost", False)}
+    axis = measurement.axis if len(capture.patterns.axes) > 1 else ""
+    findings = [f._replace(axis=axis) for f in findings if (f.code, f.severe) not in hidden]
     return sorted(findings, key=lambda finding: not finding.severe)
 
 
@@ -421,8 +430,14 @@ def _offset(m, capture) -> Iterator[Finding]:
     names = ["the Gray code"] * (m.reading is not None) + [f"pitch {f.pitch:g}" for f in m.fringes]
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
         pair = f"{names[k]} and {names[k + 1]} along the {m.axis}s"
-        if sharpness > SURE and abs(offset) > OFFSET:
-            yield _finding("offset", pair=pair, offset=offset, likely=likely)
+        if abs(offset) > OFFSET and sharpness > SURE / 2:
+            began = [
+                f"pitch {m.fringes[j].pitch:g} began with step {step}"
+                for j, step in _late(m, capture.patterns)
+            ]
+            late = f"; it looks as if {' or '.join(began)}" if began else ""
+            if late or sharpness > SURE:
+                yield _finding("offset", pair=pair, offset=offset, likely=likely, late=late)
         elif sharpness < SURE / 2 and m.lit.any():
             yield _finding("disagree", pair=pair)
 
@@ -444,6 +459,29 @@ def likely_start(m: Measurement, patterns: Patterns) -> str:
     degrees = [d for d in range(-179, 181) if miss(d) < FITS]
     alone = degrees and max(degrees) - min(degrees) < 36  # and not one of several
     return str(min(degrees, key=miss)) if alone else ""
+
+
+def _late(m, patterns) -> list[tuple[int, int]]:
+    """Pitches, by number, and the steps with which they would begin if all then agree."""
+    if patterns.unwrap not in unwrap.TEMPORAL:
+        return []
+    method, pitches = unwrap.TEMPORAL[patterns.unwrap], [f.pitch for f in m.fringes]
+    few, width = m.wrapped[:, ::FEW, ::FEW][:, m.lit[::FEW, ::FEW]], patterns.width(m.axis)
+    exact, agree = [np.float32(0)] * len(pitches), {}
+    for j, fringe in enumerate(m.fringes):
+        for step in range(1, fringe.steps):
+            phis = list(few)
+            phis[j] = unwrap.wrap(phis[j] - patterns.shift * unwrap.TWO_PI * step / fringe.steps)
+            Phis = method(phis, pitches, width)
+            apart = [
+                np.nanmean(np.exp(1j * unwrap.TWO_PI * orders))
+                for orders, _ in parted(Phis, pitches, exact, patterns.unwrap, width)
+            ]
+            if all(a.real > AGREED * abs(a) for a in apart):
+                agree[j, step] = sum(a.real for a in apart)
+    best = max(agree.values(), default=0.0)
+    enough = max(best - 0.02, len(apart) * SURE / 2) if agree else 0.0
+    return [key for key, value in agree.items() if value > enough]
 
 
 def _clipping(m, capture) -> Iterator[Finding]:

@@ -252,7 +252,8 @@ def board_pose(
     both = across, down = [measure(capture, axis, **how) for axis in ("column", "row")]
     wrong = any(f.severe for m in both for f in diagnose(m, capture, ignored=MOUNTED))
     if wrong and not accept:
-        severe = [f.message for m in both for f in diagnose(m, capture) if f.severe]
+        found = [f for m in both for f in diagnose(m, capture) if f.severe]
+        severe = [f.where + f.message for f in found]
         raise ValueError(f"{folder}: {'; '.join(severe)}")
     plain = np.mean([across.average, down.average], axis=0)
     pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)

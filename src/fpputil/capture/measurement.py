@@ -6,6 +6,7 @@ only be seen in them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -60,6 +61,7 @@ MISLED = 4  # cells of a Gray code without fringes, by which bits in doubt may m
 ENOUGH = 600  # pixels of the grid by which a response is told
 LEAST_LIT = 100  # of them
 SEEN = 0.015  # second harmonic over the fringe, from which on a response is looked for
+SHOWN = 2**20  # grey levels of all photographs that a report shows
 LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 
 
@@ -93,6 +95,8 @@ class Measurement:
         where it does not flicker, or is not told.
     sample : list of (steps, S) arrays
         Of each fringe the grey levels of a grid of pixels, of 255, as photographed.
+    shown : list of (steps, h, w) uint8 arrays
+        Of each fringe every k-th row and column of the photographs, of 255, for a report.
     reading : Reading or None
         Of a Gray code; without fringes `fringes` are the code itself.
     unwrapped_in_space : bool
@@ -115,6 +119,7 @@ class Measurement:
     curved: bool
     gains: list[np.ndarray]
     sample: list[np.ndarray]
+    shown: list[np.ndarray]
     reading: Reading | None = None
     unwrapped_in_space: bool = False
 
@@ -243,7 +248,7 @@ def measure(
     fringes = tuple(patterns.along(axis).values())
     if not fringes:
         return _code_alone(capture, axis, threshold, gamma, noise, each)
-    fits, sample, gains, response = _read(capture, axis, gamma, each)
+    fits, sample, gains, shown, response = _read(capture, axis, gamma, each)
     curved = response.gamma != 1 and response.black is not None
     straight = [f if (g == 1).all() else f / g[:, None] for f, g in zip(sample, gains, strict=True)]
     if not curved:
@@ -293,6 +298,7 @@ def measure(
         curved=curved,
         gains=gains,
         sample=sample,
+        shown=shown,
         reading=reading,
         unwrapped_in_space=spatial,
     )
@@ -338,6 +344,7 @@ def _code_alone(capture: Capture, axis: str, threshold, gamma, noise, each) -> M
         curved=False,
         gains=[],
         sample=[],
+        shown=[],
         reading=reading,
     )
 
@@ -440,10 +447,14 @@ def _read(capture: Capture, axis: str, gamma, each):
         response = _response([sampled(capture.frames(k)) for k in tell], [*tell.values()], *plain)
     if black is not None and (response.black is not None or gamma is not None):
         response = response._replace(black=black)
-    fits, sample, gains = [], [], []
+    fits, sample, gains, shown = [], [], [], []
+    number = sum(f.steps for f in capture.patterns.fringes)
+    every = max(1, math.ceil(math.sqrt(math.prod(capture.size) * number / SHOWN)))
     for k, fringe in fringes.items():
         frames, how = capture.frames(k), {"black": response.black}
         sample.append(sampled(frames))
+        some = frames[:, ::every, ::every] * np.float32(capture.scale)
+        shown.append(np.clip(np.rint(some), 0, WHITE).astype(np.uint8))
         lit = _lit(sample[-1:])
         gains.append(flicker_of(sample[-1][:, lit]))
         if (gains[-1] != 1).any():
@@ -455,7 +466,7 @@ def _read(capture: Capture, axis: str, gamma, each):
         del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)
-    return fits, sample, gains, response
+    return fits, sample, gains, shown, response
 
 
 def _response(samples, fringes, white, black) -> Response:

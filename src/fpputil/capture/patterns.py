@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from numbers import Integral
+from numbers import Integral, Real
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import NamedTuple
 
@@ -34,7 +34,10 @@ ORDERS = ("fringe", "step")
 LARGEST = 2**15  # of a projector's sides: more is a slip of the hand
 FORMATS = {"axis": "s", "pitch": "g", "periods": "g", "step": "d", "number": "d"}
 FIELD = re.compile(r"\{(axis|pitch|periods|step|number)(?::(0?[1-9]))?\}")
-KEYS = ("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "fringes")
+KEYS = (
+    *("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "gamma"),
+    "fringes",
+)
 SAVED = ("axis", "pitch", "steps")
 CODE = ("axis", "cell", "bits", "shift", "inverse")
 FRINGE = ("axis", "pitch", "periods", "steps", "start")
@@ -82,6 +85,9 @@ class Patterns:
         Number of the first step in the names.
     white, black : str
         Names of the photographs in plain light and in none; "" if there is none.
+    gamma : float
+        Exponent of the projector for which the pictures are corrected, so that its light is a
+        sinusoid; 1 for none.
 
     Raises
     ------
@@ -106,6 +112,7 @@ class Patterns:
     first: int = 0
     white: str = ""
     black: str = ""
+    gamma: float = 1.0
 
     def __post_init__(self):
         for name in ("projector", "fringes"):
@@ -203,7 +210,8 @@ class Patterns:
             return np.full((height, width), 0 if shot.step else WHITE, np.uint8)
         fringe = self.fringes[shot.fringe]
         line = np.arange(self.width(fringe.axis))
-        value = np.rint(fringe.intensity(line, self.shown(shot))).astype(np.uint8)
+        light = fringe.intensity(line, self.shown(shot)) / WHITE
+        value = np.rint(WHITE * np.clip(light, 0, 1) ** (1 / self.gamma)).astype(np.uint8)
         column = fringe.axis == "column"
         return np.tile(value, (height, 1)) if column else np.tile(value[:, None], width)
 
@@ -219,7 +227,8 @@ class Patterns:
             plain = {"ensure_ascii": False, "default": lambda number: number.item()}
             return f"{name} = {json.dumps(getattr(of, name), **plain)}\n"
 
-        text = "".join(line(self, name) for name in KEYS[:-1])
+        names = [name for name in KEYS[:-1] if name != "gamma" or self.gamma != 1]
+        text = "".join(line(self, name) for name in names)
         for fringe in self.fringes:
             names = SAVED if isinstance(fringe, Fringe) else CODE
             text += "\n[[fringes]]\n" + "".join(line(fringe, name) for name in names)
@@ -424,6 +433,10 @@ NEEDED = {
     "files": (_are_names, "names in the folder, or in one inside it, are needed"),
     "white": (lambda v: v == "" or _is_name(v), "a name in the folder, or none, is needed"),
     "black": (lambda v: v == "" or _is_name(v), "a name in the folder, or none, is needed"),
+    "gamma": (
+        lambda v: isinstance(v, Real) and not isinstance(v, bool) and 0.1 <= v <= 10,
+        "a number from 0.1 to 10 is needed",
+    ),
 }
 """Of each entry of `Patterns` what it must be, and how that is said."""
 

@@ -375,19 +375,23 @@ def judge(
     pairs = zip(pairwise(fits), pairwise(sigmas), pairwise(waves), strict=True)
     for (one, other), noises, turns in pairs:
         _mark_unsteady(one.modulation, other.modulation, np.hypot(*noises), turns, reason)
-    means, good = [], reason[::FEW, ::FEW] == Reason.GOOD  # of which an offset may leave none
-    for apart, sigma in _apart(Phis, pitches, sigmas, method, width):
-        turns = np.exp(1j * TWO_PI * apart[::FEW, ::FEW][good])
+    few = (slice(None, None, FEW), slice(None, None, FEW))
+    means, tell = [], reason[few] == Reason.GOOD  # of which an offset may leave none
+    tell = tell if tell.any() else reason[few] != Reason.DARK
+    for apart, sigma in parted(Phis, pitches, sigmas, method, width):
+        turns = np.exp(1j * TWO_PI * apart[few][tell])
         means.append(turns.mean() if turns.size else 0)
         _mark(reason, ~((np.abs(apart) < UNSURE) & (CERTAIN * sigma < 0.5)), Reason.UNSURE)
     means = np.array(means[: len(fits) - 1], complex)
     finest = int(np.argmin(pitches))
     column = Phis[finest] * np.float32(pitches[finest] / TWO_PI)
-    good, guard = reason[::FEW, ::FEW] == Reason.GOOD, 0.0
+    good, guard = reason[few] == Reason.GOOD, 0.0
     if good.any():
-        typical = [float(np.median(sigma[::FEW, ::FEW][good])) for sigma in sigmas]
+        typical = [float(np.median(sigma[few][good])) for sigma in sigmas]
         guard = _guard(pitches, typical, method, width)
-    inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
+    if guard and method == "mf":  # columns at either border that noise may throw to the other
+        guard = np.clip(guard_columns(1.0, width) * sigmas[0], guard, width / 4)
+    inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2) - guard
     _mark(reason, ~inside, Reason.OUTSIDE)
     return reason, sigmas, np.angle(means) / TWO_PI, np.abs(means)
 
@@ -538,7 +542,7 @@ def harmonics_of(frames) -> np.ndarray:
     return ratios
 
 
-def _apart(Phis, pitches, sigmas, method, width) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def parted(Phis, pitches, sigmas, method, width) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """How far what unwraps a pitch lies off its phase, and the noise of that, in orders.
 
     Of each two neighbours how far their columns part; by beats, of each pitch but one of those
@@ -557,7 +561,7 @@ def _apart(Phis, pitches, sigmas, method, width) -> Iterator[tuple[np.ndarray, n
             yield apart / np.float32(TWO_PI), noise / np.float32(TWO_PI)
         both = [np.hypot(sigmas[j], sigmas[j + 1]) for j in pairs]  # a difference has both's noise
         Phis = [Phis[j] - Phis[j + 1] for j in pairs]
-        yield from _apart(Phis, beats, both, method, width)
+        yield from parted(Phis, beats, both, method, width)
         return
     for k, (p, q) in enumerate(pairwise(pitches)):
         step = TWO_PI * order_step(method, p, q)

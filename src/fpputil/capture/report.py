@@ -12,11 +12,13 @@ from jinja2 import Environment, PackageLoader
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from fpputil import plotting
+from fpputil import interactive, plotting
 from fpputil.capture.diagnosis import Finding
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.quality import Reason
 from fpputil.decoding.phase import THRESHOLD
+from fpputil.interactive.live import Live
+from fpputil.optics.fringes import WHITE
 
 PIXELS = 480  # of the longer side of a picture on the page
 SUSPECTS = ListedColormap(
@@ -32,18 +34,85 @@ def page(
 
     It takes the `Measurement` of each axis, the findings of all of them, and the depth, (H, W), mm.
     """
-    pictures = {}
+    pictures, figures = {}, {}
     for one in measurements:
-        figure, file = overview(one, depth if one is measurements[0] else None), io.BytesIO()
+        own = depth if one is measurements[0] else None
+        figure, file = overview(one, own), io.BytesIO()
         figure.savefig(file, format="png", dpi=100)
         plt.close(figure)
         pictures[one.axis] = base64.b64encode(file.getvalue()).decode()
+        figures[one.axis] = linked(one, own, f"overview-{one.axis}")._repr_mimebundle_()[
+            "text/html"
+        ]
     templates = Environment(
         loader=PackageLoader("fpputil", "capture"), autoescape=True, trim_blocks=True
     )
-    numbers = {one.axis: one.numbers() for one in measurements}
-    template = templates.get_template("report.html")
-    return template.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
+    return templates.get_template("report.html").render(
+        title=title,
+        findings=findings,
+        numbers={one.axis: one.numbers() for one in measurements},
+        pictures=pictures,
+        figures=figures,
+    )
+
+
+def linked(measurement: Measurement, depth=None, instead_of: str = "") -> Live:
+    """The panels of `overview` to be read pixel by pixel: one that is pointed at is marked in all.
+
+    Its samples are drawn with their fit, and its uncertainty and the reason why it is left out
+    read out.
+    """
+    m = measurement
+    height = m.shown[0].shape[1] if m.shown else PIXELS // 2  # a Gray code alone
+    every = max(1, -(-m.average.shape[0] // height))
+    few, lit = (slice(None, None, every),) * 2, m.lit
+    bright, contrast = _tops(m)
+    maps = [
+        {"name": "average", "values": m.average, "cmap": "gray", "low": 0, "high": bright},
+        {"name": "modulation", "values": m.modulation[m.finest], "low": 0, "high": contrast},
+        {"name": "wrapped phase", "values": m.wrapped[m.finest], "unit": "rad", "cmap": "twilight"},
+        {"name": "absolute phase", "values": m.Phi, "unit": "rad"},
+        {"name": "uncertainty", "values": m.sigma, "unit": "rad", "cmap": "magma", "low": 0},
+        {"name": "why left out", "values": m.reason, "cmap": SUSPECTS, "low": 0, "high": 6}
+        | {"names": [reason.said for reason in Reason]},
+    ]
+    maps[2]["values"] = np.where(lit, maps[2]["values"], np.nan)
+    if m.mask.any():
+        maps[4]["high"] = float(np.percentile(m.sigma[m.mask], 98))
+    row = {"name": f"projector {m.axis}", "values": m.coordinate, "unit": "px"}
+    if depth is not None:
+        row = {"name": "depth", "values": depth, "unit": "mm", "cmap": "cividis_r"}
+    maps = [one | {"values": one["values"][few]} for one in (*maps[:5], row, maps[5])]
+    maps = [one for one in maps if np.isfinite(one["values"]).any()]
+    names = [f"pitch {fringe.pitch:g}" for fringe in m.fringes]
+    seen = [frames[:, np.ptp(frames, axis=0) > 2 * THRESHOLD] for frames in m.sample]
+    seen = seen or [m.average[m.lit]]
+    levels = {"title": "grey levels where fringes are seen", "xlabel": "grey level"}
+    levels |= {"counts": _counts(names, seen, bright), "top": bright}
+    strengths = {"title": "modulation", "xlabel": "modulation, grey levels", "of": "modulation"}
+    strengths |= {"counts": _counts(names, m.modulation, contrast), "top": contrast}
+    along = [{"row": row["name"]}] if any(one["name"] == row["name"] for one in maps) else []
+    charts = [levels, strengths, *along]
+    samples = dict(zip(names, m.shown, strict=True)) if m.shown else None
+    return interactive.maps(maps, instead_of=instead_of, samples=samples, charts=charts)
+
+
+def _counts(names, values, top: float) -> dict:
+    """How often each of 64 levels occurs, by pitch."""
+    pairs = zip(names, values, strict=True)
+    return {name: np.histogram(levels, 64, (0, top))[0] for name, levels in pairs}
+
+
+def _tops(m: Measurement) -> tuple[float, float]:
+    """Grey level and modulation up to which there is anything: full scale, a half, a quarter ..."""
+    brightest = max((float(frames.max()) for frames in m.sample), default=WHITE)
+    strongest = float(np.percentile(m.modulation[:, m.lit], 99)) if m.lit.any() else 0.0
+    tops = []
+    for top, most in ((256.0, brightest), (128.0, strongest)):
+        while top > 16 and most < 0.45 * top:
+            top /= 2
+        tops.append(top)
+    return tops[0], tops[1]
 
 
 def overview(measurement: Measurement, depth=None) -> Figure:
@@ -56,11 +125,12 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     few = (slice(None, None, max(1, max(shape) // PIXELS)),) * 2
     wrapped = np.where(m.mask, m.wrapped[m.finest], np.nan)
     high = float(np.nanpercentile(m.sigma, 98)) if m.mask.any() else 1.0
-    plotting.frame(axes[0], m.average[few], "average of the finest fringe")
+    bright, contrast = _tops(m)
+    plotting.frame(axes[0], m.average[few], "average of the finest fringe", min(bright, WHITE))
     lit = [frames[:, np.ptp(frames, axis=0) > 2 * THRESHOLD] for frames in m.sample]
     lit = lit or [m.average[m.lit]]  # of a Gray code alone
     title = "grey levels where fringes are seen"
-    _histogram(axes[1], m, lit, 256, xlabel="grey level", title=title, yticks=[])
+    _histogram(axes[1], m, lit, bright, xlabel="grey level", title=title, yticks=[])
     plotting.quantity(axes[2], m.modulation[m.finest][few], "modulation", "grey levels")
     plotting.wrapped(axes[3], wrapped[few], f"wrapped phase, pitch {m.pitch:g}")
     plotting.absolute(axes[4], m.Phi[few])
@@ -71,14 +141,20 @@ def overview(measurement: Measurement, depth=None) -> Figure:
     axes[6].set(xticks=[], yticks=[], title="why a pixel is left out")
     axes[6].grid(False)
     labels = {"xlabel": "modulation, grey levels", "title": "modulation", "yscale": "log"}
-    _histogram(axes[7], m, m.modulation, 128, **labels)
+    _histogram(axes[7], m, m.modulation, contrast, **labels)
     if depth is None:
-        line = int(np.argmax(m.mask.sum(axis=1)))
+        line = _middle_row(m.mask)
         axes[8].plot(m.coordinate[line])
         axes[8].set(xlabel="camera column", ylabel=f"projector {m.axis}", title=f"row {line}")
     else:
         plotting.depth(axes[8], depth[few])
     return fig
+
+
+def _middle_row(mask: np.ndarray) -> int:
+    """The row through the middle of what is in a mask, (H, W)."""
+    rows = np.repeat(np.arange(len(mask)), mask.sum(axis=1))
+    return int(np.median(rows)) if rows.size else len(mask) // 2
 
 
 def _histogram(ax, m: Measurement, values, top: float, **labels) -> None:

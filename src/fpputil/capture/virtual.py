@@ -52,7 +52,7 @@ def photograph(
             continue
         fringe = patterns.fringes[shot.fringe]
         if isinstance(fringe, Fringe):
-            fringe = replace(fringe, gamma=response, levels=256)
+            fringe = replace(fringe, gamma=response / patterns.gamma, levels=256)
         yield shot, view.frames(fringe, steps=[patterns.shown(shot)], seed=drawn, **camera)[0]
 
 

@@ -48,7 +48,9 @@ class Files:
     first: Annotated[int, option("Number of the first step in a name.")] = 0
     order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
     white: Annotated[str, option("Photograph in plain light.")] = ""
-    black: Annotated[str, option("Photograph in no light.")] = ""
+    black: Annotated[
+        str, option("Photograph in no light: with gamma, it is taken from the others.")
+    ] = ""
 
 
 FILES = Files()
@@ -179,9 +181,12 @@ def _print(decoded, system) -> None:
     for axis, numbers in summary["numbers"].items():
         sigma = f"uncertainty {numbers['uncertainty of the phase, median']} (median)"
         print(f"{axis}s: {numbers['pixels in the mask']} in the mask, {sigma}")
+        if "by" in numbers["gamma"]:
+            print(f"{axis}s: response of gamma {numbers['gamma']}, taken back")
     for finding in decoded.findings:
         kind = "error" if finding.severe else "note"
-        print(f"{kind}: {finding.message}; {finding.remedy}", file=sys.stderr)
+        said = f"{kind}: {finding.where}{finding.message}; {finding.remedy}"
+        print(said, file=sys.stderr)
     if "points" in summary:
         lost = ", ".join(f"{n} {why}" for why, n in summary["removed"].items() if n)
         left = f" ({lost} left out)" if lost else ""

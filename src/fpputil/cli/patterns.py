@@ -14,6 +14,9 @@ def patterns(
     ] = None,
     fringes: Fringes = FRINGES,
     plain: Annotated[bool, option("White and black, too.", negative="--no-plain")] = True,
+    gamma: Annotated[
+        float, option("Exponent of the projector, as decode tells it: corrects the pictures.")
+    ] = 1.0,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -29,7 +32,8 @@ def patterns(
     from fpputil.files import folder_whole
 
     files = {"white": "000-white.png", "black": "001-black.png"} if plain else {}
-    chosen = fringes.patterns(projector, files="{number:03}-{axis}-{pitch}-{step:02}.png", **files)
+    files |= {"files": "{number:03}-{axis}-{pitch}-{step:02}.png", "gamma": gamma}
+    chosen = fringes.patterns(projector, **files)
     shots = chosen.shots()
     with folder_whole(out, "fpp patterns", force) as folder:
         for shot in shots:

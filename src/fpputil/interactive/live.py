@@ -135,6 +135,7 @@ def maps(
     label: str = "frame",
     instead_of: str = "",
     samples: Mapping[str, np.ndarray] | None = None,
+    charts: Sequence[dict] = (),
 ) -> Live:
     """Maps to be read pixel by pixel.
 
@@ -142,13 +143,17 @@ def maps(
     ----------
     shown : sequence of dict
         Each with name and values, (H, W) or (F, H, W), NaN for no value; and if need be unit, cmap
-        (of matplotlib), low and high.
+        (of matplotlib), low and high; "names" of the values 0, 1, 2 ...
     frames : sequence of F str
         Names of what a slider leafs through.
     label, instead_of : str
         Of that slider; as of `Live`.
     samples : mapping of (N, H, W) uint8, optional
         Photographs of each phase shift, by name; those of the pixel are drawn with their sinusoid.
+    charts : sequence of dict
+        Beside the maps: {"row": name} draws the row of the pixel in a map; {"counts": {name: (B,)
+        counts}, "top", "title", "xlabel", "of"} how often each value from 0 to top occurs, with
+        that of the pixel in the map `of`, or in its samples, marked.
     """
     size, stacks = list(np.shape(shown[0]["values"])[-2:]), {}
     spec = {"kind": "maps", "size": size, "maps": [], "checks": []}
@@ -161,8 +166,19 @@ def maps(
         entry["low"] = _short(m.get("low", np.nanmin(values)))
         entry["high"] = _short(m.get("high", np.nanmax(values)))
         entry |= {"colours": colours(m.get("cmap", "viridis")), "values": quantised(values)}
+        entry |= {"names": list(m["names"])} if "names" in m else {}
         spec["maps"].append(entry)
         stacks[m["name"]] = values
+    if charts:
+        spec["charts"] = [
+            c
+            | {
+                k: {n: np.asarray(v).tolist() for n, v in c[k].items()}
+                for k in ("counts",)
+                if k in c
+            }
+            for c in charts
+        ]
     if samples:
         spec["samples"] = {name: pack(np.asarray(stack)) for name, stack in samples.items()}
     seen = np.argwhere(np.isfinite(next(reversed(stacks.values()))[0].astype(float)))

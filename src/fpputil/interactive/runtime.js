@@ -250,7 +250,9 @@
       const pixels = bar.getContext("2d").createImageData(256, 1);
       for (let k = 0; k < 256; k++) pixels.data.set([m.colours[3 * k], m.colours[3 * k + 1], m.colours[3 * k + 2], 255], 4 * k);
       bar.getContext("2d").putImageData(pixels, 0, 0);
-      const legend = html("span", { class: "fpp-legend" }, show(m.low), bar, `${show(m.high)} ${m.unit || ""}`);
+      const tint = (x) => { const c = 3 * Math.round((255 * (x - m.low)) / (m.high - m.low)); return `rgb(${m.colours[c]} ${m.colours[c + 1]} ${m.colours[c + 2]})`; };
+      const legend = m.names ? html("span", { class: "fpp-legend fpp-named" }, ...m.names.map((n, k) => html("span", { style: `border-left: .8em solid ${tint(k)}; padding-left: .3em` }, n)))
+        : html("span", { class: "fpp-legend" }, show(m.low), bar, `${show(m.high)} ${m.unit || ""}`);
       grid.append(html("figure", {}, html("figcaption", {}, m.name), html("div", { class: "fpp-map" }, canvas, cross), legend));
       return { m, canvas, cross };
     });
@@ -263,6 +265,24 @@
       const A = sum(() => 1) / N, M = sum(Math.sin), D = sum(Math.cos), B = (2 / N) * Math.hypot(M, D);
       return { name, N, I, B, at: (n) => A + (2 / N) * (D * Math.cos((2 * Math.PI * n) / N) + M * Math.sin((2 * Math.PI * n) / N)) };
     });
+    const level = (spec.charts || []).find((c) => c.counts && !c.of)?.top || 255;
+    // {row: name of a map}, or {counts: {name: [...]}, top, of: name of a map or none for the samples}
+    function chart(c, v, u) {
+      const read = (m, k) => m.values.real(index(m, v, k)), of = (name) => spec.maps.find((m) => m.name === name);
+      if (c.row) {
+        const m = of(c.row), x = [...Array(w).keys()], y = x.map((k) => read(m, k)), known = y.filter(Number.isFinite);
+        const range = known.length ? [Math.min(...known), Math.max(...known)] : [m.low, m.high];
+        if (range[0] === range[1]) range[1] += 1;
+        return plot({ title: `${c.row} along row ${v}`, x: [0, w - 1], y: range, xlabel: "u", ylabel: m.unit, marks: [{ line: [x, y], name: "row" }, { dots: [[u], [y[u]]], colour: 1 }] });
+      }
+      const curves = Object.entries(c.counts), high = Math.log10(1 + Math.max(1, ...curves.flatMap(([, n]) => n)));
+      const values = c.of ? curves.map(() => [read(of(c.of), u)]) : sampled(v, u).map((s) => s.I);
+      const marks = curves.flatMap(([name, n], k) => [
+        { line: [n.flatMap((_, j) => [(j * c.top) / n.length, ((j + 1) * c.top) / n.length]), n.flatMap((x) => [Math.log10(1 + x), Math.log10(1 + x)])], colour: k % 6, name },
+        ...values[k].slice(0, c.of && k ? 0 : undefined).map((x) => ({ line: [[x, x], [0, high]], colour: c.of ? 1 : k % 6, dash: "3 3", width: 1 })),
+        { text: [0.62 * c.top, high * (0.93 - 0.1 * k), name], colour: k % 6 }]);
+      return plot({ title: c.title, x: [0, c.top], y: [0, high], yticks: [], xlabel: c.xlabel, ylabel: "how often (log)", marks });
+    }
     const index = (m, v, u) => ((m.values.shape[0] > 1 ? values.frame || 0 : 0) * h + v) * w + u;
     function paint() {
       for (const { m, canvas } of shown) {
@@ -283,11 +303,11 @@
       table.replaceChildren(html("span", { "data-number": "pixel" }, "pixel ", html("b", {}, `v ${v}, u ${u}`)),
         ...spec.maps.map((m) => {
           const x = m.values.real(index(m, v, u));
-          return html("span", { "data-number": m.name, "data-value": x }, `${m.name} `, html("b", {}, x === x ? `${show(x, 4)} ${m.unit || ""}` : "no value"));
+          return html("span", { "data-number": m.name, "data-value": x }, `${m.name} `, html("b", {}, x !== x ? "no value" : m.names ? m.names[x] : `${show(x, 4)} ${m.unit || ""}`));
         }));
-      samples.replaceChildren(...sampled(v, u).map(({ name, N, I, B, at }) => {
+      samples.replaceChildren(...(spec.charts || []).map((c) => chart(c, v, u)), ...sampled(v, u).map(({ name, N, I, B, at }) => {
         const fine = [...Array(8 * N + 1).keys()].map((k) => k / 8);
-        return plot({ title: `${name}: modulation ${show(B)}`, x: [0, N], y: [0, 255], xlabel: "step", ylabel: "grey level",
+        return plot({ title: `${name}: modulation ${show(B)}`, x: [0, N], y: [0, level], xlabel: "step", ylabel: "grey level",
           marks: [{ line: [fine, fine.map(at)], colour: 0 }, { dots: [[...I.keys()], I], colour: 1 }] });
       }));
     }
@@ -520,7 +540,7 @@
   .fpp-maps figure { margin: 0; text-align: center; }  .fpp-maps figcaption { margin: 0; }
   .fpp-map { position: relative; cursor: crosshair; line-height: 0; } .fpp-map canvas { width: 100%; image-rendering: pixelated; background: repeating-conic-gradient(#8883 0 25%, #8881 0 50%) 0 0/12px 12px; }
   .fpp-cross { position: absolute; width: 15px; height: 15px; margin: -8px 0 0 -8px; border: 2px solid #fff; outline: 1px solid #000; border-radius: 50%; pointer-events: none; }
-  .fpp-legend { display: flex; gap: .5em; align-items: center; font-size: .9em; } .fpp-bar { flex: 1; min-width: 0; height: .6em; }
+  .fpp-legend { display: flex; gap: .5em; align-items: center; font-size: .9em; } .fpp-bar { flex: 1; min-width: 0; height: .6em; } .fpp-named { flex-wrap: wrap; line-height: 1.2; }
   .fpp-numbers { display: flex; flex-wrap: wrap; gap: .2em 1.6em; margin-top: .3rem; font-variant-numeric: tabular-nums; }
   .fpp-plot { width: 100%; height: auto; overflow: visible; font-size: 11px; } .fpp-plot text { fill: currentColor; stroke: none; } .fpp-title { font-size: 12px; font-weight: 600; }
   .fpp-handle { cursor: grab; touch-action: none; } .fpp-plot [data-move] { touch-action: none; }
