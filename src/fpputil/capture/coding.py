@@ -17,6 +17,7 @@ from fpputil.optics.fringes import Fringe
 from fpputil.optics.graycode import GrayCode
 
 LINES = 64  # of the picture, in which faults of the code are looked for
+BLOCK = 2**21  # grey levels that are worked on at a time
 APART = 2  # pixels, of the neighbours that are compared, so that an edge may lie between
 LEAST = 50  # neighbours that tell something
 FINEST = 2  # bits of a code alone, for which the camera may be too coarse
@@ -53,32 +54,47 @@ def read_code(
         If there is none of these.
     """
     number, code = capture.patterns.code(axis)
-    frames = linearise(capture.frames(number), gamma, capture.full)
+    frames, plain = capture.frames(number), None
+    if not code.inverse and fringe is None:
+        if len(capture.of(-1)) != 2:
+            raise ValueError(
+                f"{capture.folder} has a Gray code alone; its threshold needs photographs in plain "
+                "light and in none (white and black), or each picture's negative (inverse)"
+            )
+        plain = capture.frames(-1)
+    rows = max(1, BLOCK // frames[:, 0].size)
+    blocks = [slice(top, top + rows) for top in range(0, capture.size[0], rows)]
+    how = (code, frames, plain, fringe, gamma, capture.full)
+    read = [_read(*_signed(*how, block), noise) for block in blocks]
+    joined = (np.concatenate(parts, axis=-2) for parts in zip(*read, strict=True))
+    index, edge, reach, words, average, contrast = joined
+    strong = np.abs(contrast) >= np.median(np.abs(contrast))
+    if plain is not None and np.median(contrast[strong]) < 0:
+        names = " and ".join(shot.file for shot in capture.of(-1))
+        raise ValueError(f"{capture.folder}: {names} seem to be exchanged: white is the darker")
+    return Reading(code, Cells(index, edge, reach), words, average, contrast)
+
+
+def _signed(code: GrayCode, frames, plain, fringe, gamma: float, full: float, rows: slice):
+    """Bits less their threshold in some rows; average; contrast; the noise of the first, squared.
+
+    The last in terms of the noise of one photograph.
+    """
+    grey = linearise(frames[:, rows], gamma, full)
     if code.inverse:
-        white, black = frames[0::2], frames[1::2]
-        signed, scale = (white - black) / 2, 0.5
-        average, contrast = (white[0] + black[0]) / 2, np.abs(signed).max(axis=0)
-    elif fringe is not None:
-        average, contrast, scale = (
-            fringe.average,
-            fringe.modulation,
-            4 / 3,
-        )  # a mean of three or more
-        signed = frames - average
-    elif len(capture.of(-1)) == 2:
-        white, black = linearise(capture.frames(-1), gamma, capture.full)
-        average, contrast, scale = (white + black) / 2, (white - black) / 2, 3 / 2
-        if np.median(contrast[np.abs(contrast) >= np.median(np.abs(contrast))]) < 0:
-            names = " and ".join(shot.file for shot in capture.of(-1))
-            raise ValueError(f"{capture.folder}: {names} seem to be exchanged: white is the darker")
-        signed = frames - average
-    else:
-        raise ValueError(
-            f"{capture.folder} has a Gray code alone; its threshold needs photographs in plain "
-            "light and in none (white and black), or each picture's negative (inverse)"
-        )
-    cells = read_cells(signed, contrast, np.sqrt(scale * noise.variance(average)))
-    return Reading(code, cells, signed > 0, average, contrast)
+        white, black = grey[0::2], grey[1::2]
+        signed = (white - black) / 2
+        return signed, (white[0] + black[0]) / 2, np.abs(signed).max(axis=0), 1 / 2
+    if fringe is not None:  # an average of three photographs or more
+        average = fringe.average[rows]
+        return grey - average, average, fringe.modulation[rows], 4 / 3
+    white, black = linearise(plain[:, rows], gamma, full)
+    return grey - (white + black) / 2, (white + black) / 2, (white - black) / 2, 3 / 2
+
+
+def _read(signed, average, contrast, share: float, noise: Noise):
+    cells = read_cells(signed, contrast, np.sqrt(share * noise.variance(average)))
+    return *cells, signed > 0, average, contrast
 
 
 def unwrap_by_code(

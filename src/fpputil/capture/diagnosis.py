@@ -65,8 +65,8 @@ FINDINGS = {
     ),
     "disagree": (
         "the phases of {pair} do not belong together",
-        "check the pitches (pixels, or are these periods?), the direction of the shift and the "
-        "unwrapping; or the noise is far too high for these pitches",
+        "{likely}check the pitches, the direction of the shift and the unwrapping; or the noise is "
+        "far too high for these pitches",
     ),
     "saturated": (
         "the camera is saturated at {share:.0%} of the lit pixels",
@@ -141,6 +141,7 @@ FOLLOW = {
 
 SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the setup
 HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
+SPREAD = 0.05  # of the logarithms of pitches, from which their pictures tell which is the finer
 PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order
@@ -300,7 +301,16 @@ def _offset(m, capture) -> Iterator[Finding]:
         if sharpness > SURE and abs(offset) > OFFSET:
             yield _finding("offset", pair=pair, offset=offset, likely=likely)
         elif sharpness < SURE / 2 and m.lit.any():
-            yield _finding("disagree", pair=pair)
+            periods = "these look like periods, not pitches (--periods); else "
+            yield _finding("disagree", pair=pair, likely=periods if _look_like_periods(m) else "")
+
+
+def _look_like_periods(m: Measurement) -> bool:
+    """Whether the fringes are the finer in the picture the larger their pitches are said to be."""
+    pitches, frequencies = np.array([f.pitch for f in m.fringes]), np.abs(local_frequencies(m))
+    if np.ptp(np.log(pitches)) < SPREAD or not (frequencies > 1e-3).all():
+        return False
+    return np.polyfit(np.log(pitches), np.log(frequencies), 1)[0] > 0.5  # it should be -1
 
 
 def likely_start(m: Measurement, patterns: Patterns) -> str:

@@ -214,6 +214,8 @@ def measure(
         Phis = unwrapped(phis)
     else:
         reading = read_code(capture, axis, variance, gamma, fits[0])
+        if each is not None:
+            each(reading.code.steps)
         Phis, sure = unwrap_by_code(
             phis, fringes, reading, phase_noise(fits[0], fringes[0].steps, variance)
         )

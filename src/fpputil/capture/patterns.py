@@ -72,8 +72,8 @@ class Patterns:
         least (``{periods}`` are those over the projector; the pitch of a code is ``gray``); or
         with ``*``: these files, in natural order, are the order in time, first white and black if
         they do not go by names of their own.
-    first : int
-        Number of the first step in the names.
+    first : int, or tuple of int
+        Number of the first step in the names; of all fringes, or of each.
     white, black : str
         Names of the photographs in plain light and in none; "" if there is none.
 
@@ -97,13 +97,21 @@ class Patterns:
     shift: int = 1
     order: str = "fringe"
     files: str = "{axis}-{pitch}-{step:02}.png"
-    first: int = 0
+    first: int | tuple[int, ...] = 0
     white: str = ""
     black: str = ""
 
     def __post_init__(self):
         for name in ("projector", "fringes"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+        if isinstance(self.first, list | tuple):
+            each = tuple(self.first) if len(self.first) != 1 else self.first[0]
+            object.__setattr__(self, "first", each)
+            if isinstance(each, tuple) and len(each) != len(self.fringes):
+                raise ValueError(
+                    f"first {list(each)} given; one number, or one of each of the "
+                    f"{len(self.fringes)} fringes is needed"
+                )
         for name, (fits, needed) in NEEDED.items():
             if not fits(value := getattr(self, name)):
                 raise ValueError(f"{name} {value!r} given; {needed}")
@@ -240,7 +248,8 @@ class Patterns:
             raise ValueError(f"{path}: {error}") from error
 
     def _name(self, k: int, n: int, number: int) -> str:
-        fringe, step = self.fringes[k], n + self.first
+        first = self.first[k] if isinstance(self.first, tuple) else self.first
+        fringe, step = self.fringes[k], n + first
         values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
         if isinstance(fringe, GrayCode):
             values |= {"pitch": "gray", "periods": "gray"}
@@ -297,7 +306,10 @@ NEEDED = {
     "unwrap": (lambda v: v in UNWRAP, f"one of {', '.join(UNWRAP)} is needed"),
     "shift": (lambda v: _is_whole(v, -1, 1) and v != 0, "one of 1, -1 is needed"),
     "order": (lambda v: v in ORDERS, f"one of {', '.join(ORDERS)} is needed"),
-    "first": (lambda v: _is_whole(v, 0), "a whole number of 0 or more is needed"),
+    "first": (
+        lambda v: all(_is_whole(n, 0) for n in (v if isinstance(v, tuple) else (v,))),
+        "a whole number of 0 or more is needed",
+    ),
     "files": (_is_name, "names in the folder itself are needed"),
     "white": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),
     "black": (lambda v: v == "" or _is_name(v), "a name in the folder itself, or none, is needed"),

@@ -2,14 +2,14 @@
 
 import json as jsons
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from fpputil import capture, optics
-from fpputil.cli.options import FRINGES, Force, Fringes, Json, Size, given, option
+from fpputil.cli.options import FRINGES, SEVERAL, Force, Fringes, Json, Size, given, option
 
 YES = {"negative_bool": "no-", "negative": None}
 
@@ -26,7 +26,10 @@ class Files:
     projector: Annotated[
         Size | None, option("Pixels (default 912x1140, unless the pitches say otherwise).")
     ] = None
-    first: Annotated[int, option("Number of the first step in a name.")] = 0
+    first: Annotated[
+        list[int],
+        option("Number of the first step in a name; of all pitches, or of each.", **SEVERAL),
+    ] = field(default_factory=lambda: [0])
     order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
     white: Annotated[str, option("Photograph in plain light.")] = ""
     black: Annotated[str, option("Photograph in no light.")] = ""
