@@ -10,14 +10,15 @@ import numpy as np
 
 from fpputil.capture.gamma import linearise
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Fit, Noise
-from fpputil.decoding.gray import Cells, gray_index, gray_order, read_cells
-from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order
+from fpputil.capture.quality import Fit, Noise, Reason
+from fpputil.decoding.gray import Cells, cell_column, gray_index, gray_order, read_cells
+from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order, wrap
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.graycode import GrayCode
 
 LINES = 64  # of the picture, in which faults of the code are looked for
 BLOCK = 2**21  # grey levels that are worked on at a time
+MISLED = 4  # cells of a code without fringes, by which bits in doubt may mislead it
 APART = 2  # pixels, of the neighbours that are compared, so that an edge may lie between
 LEAST = 50  # neighbours that tell something
 FINEST = 2  # bits of a code alone, for which the camera may be too coarse
@@ -110,6 +111,36 @@ def unwrap_by_code(
         K = fringe_order(phi, Phis[-1], longer.pitch / fringe.pitch)
         Phis.append(absolute_phase(phi, K))
     return Phis, sure
+
+
+def cells_alone(reading: Reading, width: int, threshold: float) -> dict[str, np.ndarray]:
+    """What a Gray code tells without fringes: of a `Measurement` the maps, by name. Chapter 12.
+
+    The phase is that of the middle of the cell, or of its edge, and of a pitch that the whole code
+    covers.
+    """
+    cells, code = reading.cells, reading.code
+    column = np.where(cells.edge >= 0, code.edge(cells.edge), cell_column(cells, code))
+    Phi = (column * (TWO_PI / code.pitch)).astype(np.float32)
+    reason = np.zeros(column.shape, np.uint8)
+    for fault, why in (
+        (~(reading.contrast > threshold), Reason.DARK),
+        (cells.reach > MISLED, Reason.UNSURE),
+        (np.abs(column - (width - 1) / 2) > width / 2, Reason.OUTSIDE),
+    ):
+        reason[fault & (reason == Reason.GOOD)] = why
+    good = reason == Reason.GOOD
+    spread = code.cell * (1 + 2 * cells.reach) / 12**0.5  # of cells in which it may lie, evenly
+    return {
+        "wrapped": wrap(Phi)[None],
+        "modulation": reading.contrast[None].astype(np.float32),
+        "average": reading.average.astype(np.float32),
+        "Phi": np.where(good, Phi, np.nan),
+        "sigma": np.where(good, spread * (TWO_PI / code.pitch), np.nan).astype(np.float32),
+        "reason": reason,
+        "offsets": np.empty(0),
+        "sharpness": np.empty(0),
+    }
 
 
 def check_code(code: GrayCode, pitches: Sequence[float], width: int) -> None:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from fpputil import capture, optics
 from fpputil.checks import positive
-from fpputil.decoding.unwrap import TEMPORAL
+from fpputil.decoding.unwrap import TEMPORAL, reach
 
 
 def option(text: str, **how) -> Parameter:
@@ -130,8 +130,6 @@ class Fringes:
 
     def _usual(self, unwrap: str) -> tuple[int, int]:
         """Size of the book's projector, unless pitches or periods say that it is another one."""
-        from fpputil.capture.suggestion import reach
-
         if self.periods:
             raise ValueError("--periods without --projector given; they are parts of its width")
         if self.pitches and unwrap == "gray":
