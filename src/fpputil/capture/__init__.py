@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "measurement": ["Measurement", "measure"],
         "quality": ["Noise", "Reason", "noise_of"],
         "diagnosis": ["FINDINGS", "Finding", "diagnose"],
+        "relief": ["phase_difference", "remove_ground"],
         "report": ["overview"],
         "folder": ["DecodedFolder", "board_pose", "decode_folder"],
     },

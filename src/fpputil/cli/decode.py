@@ -114,9 +114,18 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
     if fringes.shift is not None:
         patterns = replace(patterns, shift=fringes.shift)
     if fringes.start is not None:
-        each = (tuple(f for f in patterns.fringes if f.axis == axis) for axis in patterns.axes)
-        patterns = replace(patterns, fringes=sum(map(fringes.begun, each), ()))
+        patterns = replace(patterns, fringes=_begun(patterns, fringes))
     return patterns
+
+
+def _begun(patterns, fringes: Fringes) -> tuple:
+    """The fringes of a file, which begin as --start says; a Gray code has no start."""
+    begun = list(patterns.fringes)
+    for axis in patterns.axes:
+        sinusoids = [k for k, f in enumerate(begun) if f in patterns.along(axis).values()]
+        for k, fringe in zip(sinusoids, fringes.begun([begun[k] for k in sinusoids]), strict=True):
+            begun[k] = fringe
+    return tuple(begun)
 
 
 def _print(decoded, system) -> None:
