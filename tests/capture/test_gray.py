@@ -70,6 +70,19 @@ def test_four_steps_and_a_code_give_the_orders(taken, view, kind, pitch):
     assert not any(f.severe for f in findings)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("response, steps", [(0.5, 3), (2.2, 3), (0.5, 4)])
+def test_a_phase_that_a_response_turns_takes_no_wrong_order(tmp_path, view, kind, response, steps):
+    patterns = coded(kind=kind, steps=steps)
+    for shot, frame in photograph(view, patterns, SYSTEM, 0, response, noise=2.0):
+        cv2.imwrite(str(tmp_path / shot.file), cv2.GaussianBlur(frame, (0, 0), 0.7))
+    result = measure(open_capture(tmp_path, patterns))
+    inner = cv2.erode(view.mask.astype(np.uint8), np.ones((9, 9))) > 0
+    known = result.mask & inner
+    assert known.sum() > 0.97 * inner.sum()
+    assert np.abs(result.coordinate - view.column)[known].max() < 9.5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_wrong_orders_are_fewer_than_one_in_a_hundred_thousand(tmp_path, kind):

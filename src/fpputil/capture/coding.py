@@ -6,12 +6,13 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from fpputil.capture.gamma import linearise
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Fit, Noise, Reason
-from fpputil.decoding.gray import Cells, cell_column, gray_index, gray_order, read_cells
+from fpputil.decoding.gray import NEAR, Cells, cell_column, gray_index, gray_order, read_cells
 from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order, wrap
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.graycode import GrayCode
@@ -105,8 +106,13 @@ def unwrap_by_code(
 
     `sigma`, (H, W), radians, is the noise of the first wrapped phase.
     """
-    K, sure, _ = gray_order(phis[0], reading.cells, reading.code, fringes[0].pitch, sigma)
+    K, sure, off = gray_order(phis[0], reading.cells, reading.code, fringes[0].pitch, sigma)
     Phis = [absolute_phase(phis[0], K).astype(np.float32)]
+    if reading.code.cell > fringes[0].pitch * 0.75:
+        # Where a cell ends with the period, a phase that is turned, by a response or motion, may
+        # take the wrong end; it then stands out from its neighbours by a whole order.
+        spike = np.abs(Phis[0] - cv2.medianBlur(Phis[0], 5)) > np.pi
+        sure &= ~(spike & (np.abs(off) > NEAR))
     for phi, (longer, fringe) in zip(phis[1:], pairwise(fringes), strict=True):
         K = fringe_order(phi, Phis[-1], longer.pitch / fringe.pitch)
         Phis.append(absolute_phase(phi, K))
