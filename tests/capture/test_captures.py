@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.folder import decode_folder
 from fpputil.capture.gamma import estimate_gamma, linearise
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
@@ -86,6 +87,20 @@ def test_the_command_decodes_the_folder(scene, tmp_path, capsys):
     assert main(["decode", str(CAPTURES / scene), "--out", str(out), "--force", *given,
                  "--shift", "-1"]) == 1  # fmt: skip
     assert "grow from right to left" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_body_stands_before_a_flat_ground(scene, tmp_path):
+    """Without a calibration, the fine pitch first and last in no order."""
+    patterns = replace(PATTERNS, fringes=fringe_set((16, 14, 15), 12))
+    out = decode_folder(
+        CAPTURES / scene, tmp_path / "out", patterns=patterns, relief="cubic", report=False
+    ).out
+    with np.load(out / "decoded.npz") as found:
+        relief = found["column_relief"]
+    ground = np.isfinite(relief) & (np.indices(relief.shape)[0] < 100)  # above the body
+    assert np.median(np.abs(relief[ground])) < 0.3
+    assert (np.abs(relief) > 5).mean() > 0.03
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -70,6 +70,19 @@ def test_four_steps_and_a_code_give_the_orders(taken, view, kind, pitch):
     assert not any(f.severe for f in findings)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("response, steps", [(0.5, 3), (2.2, 3), (0.5, 4)])
+def test_a_phase_that_a_response_turns_takes_no_wrong_order(tmp_path, view, kind, response, steps):
+    patterns = coded(kind=kind, steps=steps)
+    for shot, frame in photograph(view, patterns, SYSTEM, 0, response, noise=2.0):
+        cv2.imwrite(str(tmp_path / shot.file), cv2.GaussianBlur(frame, (0, 0), 0.7))
+    result = measure(open_capture(tmp_path, patterns))
+    inner = cv2.erode(view.mask.astype(np.uint8), np.ones((9, 9))) > 0
+    known = result.mask & inner
+    assert known.sum() > 0.97 * inner.sum()
+    assert np.abs(result.coordinate - view.column)[known].max() < 9.5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_wrong_orders_are_fewer_than_one_in_a_hundred_thousand(tmp_path, kind):
@@ -203,9 +216,16 @@ def test_the_pattern_file_holds_the_code(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "options", ["", "--code plain --periods 64 --steps 12", "--code shifted", "--code alone",
-                "--code alone --inverse --no-plain"],
-)  # fmt: skip
+    "options",
+    [
+        "",
+        "--code-first --start sine",
+        "--code plain --periods 64 --steps 12",
+        "--code shifted",
+        "--code alone",
+        "--code alone --inverse --no-plain",
+    ],
+)
 def test_the_command_makes_and_decodes_them(tmp_path, options, capsys):
     words = ["patterns", str(tmp_path / "p"), "--unwrap", "gray", "--projector", "912x1140"]
     assert main([*words, *options.split()]) == 0
@@ -227,6 +247,7 @@ def test_the_command_makes_and_decodes_them(tmp_path, options, capsys):
     "words, said",
     [
         ("--code plain", "--code with unwrap 'mf' given"),
+        ("--code-first", "--code-first with unwrap 'mf' given"),
         ("--unwrap gray --code alone --pitches 16", "--code alone with pitches given"),
         ("--unwrap gray --pitches 16", "without --projector given"),
     ],
@@ -234,6 +255,25 @@ def test_the_command_makes_and_decodes_them(tmp_path, options, capsys):
 def test_options_that_do_not_go_together(tmp_path, capsys, words, said):
     assert main(["patterns", str(tmp_path / "p"), *words.split()]) == 1
     assert said in capsys.readouterr().err
+
+
+def test_photographs_in_the_order_of_time_and_a_start_beside_a_file(tmp_path, view, capsys):
+    """The code first, as a projector's own software may show it; fringes that begin as a sine."""
+    code, fringe = gray_code(19, W), Fringe(19, 4, start=-np.pi / 2)
+    shown = Patterns(PROJECTOR, (code, fringe), "gray", files="IMG_{number:03}.png")
+    photograph_into(tmp_path / "s", view, shown, SYSTEM, noise=1.0)
+    replace(shown, fringes=(code, Fringe(19, 4))).save(tmp_path / "s" / "patterns.toml")
+    words = ["decode", str(tmp_path / "s"), "--no-report", "--no-pictures", "--force"]
+    assert main(words) == 1 and "give --start sine if" in capsys.readouterr().err
+    assert main([*words, "--start", "sine"]) == 0
+    (tmp_path / "s" / "patterns.toml").unlink()
+    words += ["--files", "*.png", "--unwrap", "gray", "--pitches", "19", "--steps", "4"]
+    words += ["--projector", "912x1140", "--start", "sine"]
+    assert main([*words, "--code-first"]) == 0
+    with np.load(tmp_path / "s-decoded" / "decoded.npz") as found:
+        off = np.abs(found["column_coordinate"] - view.column)[view.mask]
+    assert np.nanmedian(off) < 0.1 and np.nanmax(off) < 9.5
+    assert main(words) == 1
 
 
 def test_a_board_under_a_code_is_a_pose(tmp_path, view):

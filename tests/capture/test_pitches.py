@@ -203,6 +203,27 @@ def test_a_wider_projector_is_asked_for_and_the_start_taken_beside_a_file(tmp_pa
     assert "give --projector WIDTHxHEIGHT" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("periods", [(64, 63, 56), (70, 64, 59)])
+def test_periods_that_were_given_as_pitches_are_named(tmp_path, view, periods):
+    files = "{step}-{pitch}.npy"
+    shown = Patterns(PROJECTOR, fringe_set([W / n for n in periods], 6), "mw", files=files)
+    given = replace(shown, fringes=fringe_set(periods, 6))
+    result, capture = taken(tmp_path, view, shown, given=given, noise=1.0)
+    findings = [f for f in diagnose(result, capture) if f.severe]
+    assert findings and "look like periods" in findings[0].remedy
+
+
+def test_each_pitch_may_count_its_steps_on(tmp_path):
+    counted = Patterns(
+        PROJECTOR, fringe_set((912, 114), 3), files="IMG_{step:03}.png", first=(1, 4)
+    )
+    assert [s.file[4:7] for s in counted.shots()] == ["001", "002", "003", "004", "005", "006"]
+    counted.save(tmp_path / "p.toml")
+    assert Patterns.load(tmp_path / "p.toml") == counted
+    with pytest.raises(ValueError, match=r"first \[1, 2, 3\] given; one number, or one of each"):
+        replace(counted, first=(1, 2, 3))
+
+
 def test_a_start_is_part_of_the_fringe():
     fringe = Fringe(24, 4, start=-np.pi / 2)
     column = np.array([0.0, 6.0, 12.0, 18.0])

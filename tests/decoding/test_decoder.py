@@ -151,3 +151,16 @@ def test_guard_takes_the_borders_out_of_the_mask(dtype):
     assert column[guarded.mask].mean() == pytest.approx(455.5, abs=0.05)  # as much at either border
     assert np.isnan(guarded.Phi[~guarded.mask]).all()
     assert np.isnan(guarded.wrapped[:, ~guarded.mask]).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_fringes_may_begin_as_a_sine(dtype):
+    column = np.linspace(1, 910, 500)[None]
+    fringes = fringe_set((912, 114, 15), 4, start=-np.pi / 2)
+    frames = np.stack([f.intensity(column, n) for f in fringes for n in range(4)]).astype(dtype)
+    assert abs(frames[0, 0, 0] - 127.5 * (1 + np.sin(2 * np.pi / 912))) < 1e-4
+    decoded = decode(frames, fringes, 912)
+    np.testing.assert_allclose(decoded.Phi * 15 / (2 * np.pi), column, atol=1e-3)
+    np.testing.assert_allclose(
+        np.exp(1j * decoded.wrapped[2]), np.exp(2j * np.pi * column / 15), atol=1e-4
+    )

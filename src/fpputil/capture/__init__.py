@@ -14,6 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "quality": ["Noise", "Reason", "noise_of"],
         "diagnosis": ["FINDINGS", "Finding", "diagnose", "mirrored"],
         "depth": ["diagnose_points", "locate"],
+        "relief": ["phase_difference", "remove_ground"],
         "report": ["overview"],
         "folder": ["DecodedFolder", "board_pose", "decode_folder"],
     },

@@ -6,17 +6,20 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from fpputil.capture.gamma import linearise
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Fit, Noise
-from fpputil.decoding.gray import Cells, gray_index, gray_order, read_cells
-from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order
+from fpputil.capture.quality import Fit, Noise, Reason
+from fpputil.decoding.gray import NEAR, Cells, cell_column, gray_index, gray_order, read_cells
+from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order, wrap
 from fpputil.optics.fringes import Fringe
 from fpputil.optics.graycode import GrayCode
 
 LINES = 64  # of the picture, in which faults of the code are looked for
+BLOCK = 2**21  # grey levels that are worked on at a time
+MISLED = 4  # cells of a code without fringes, by which bits in doubt may mislead it
 APART = 2  # pixels, of the neighbours that are compared, so that an edge may lie between
 LEAST = 50  # neighbours that tell something
 FINEST = 2  # bits of a code alone, for which the camera may be too coarse
@@ -53,32 +56,47 @@ def read_code(
         If there is none of these.
     """
     number, code = capture.patterns.code(axis)
-    frames = linearise(capture.frames(number), gamma, capture.full)
+    frames, plain = capture.frames(number), None
+    if not code.inverse and fringe is None:
+        if len(capture.of(-1)) != 2:
+            raise ValueError(
+                f"{capture.folder} has a Gray code alone; its threshold needs photographs in plain "
+                "light and in none (white and black), or each picture's negative (inverse)"
+            )
+        plain = capture.frames(-1)
+    rows = max(1, BLOCK // frames[:, 0].size)
+    blocks = [slice(top, top + rows) for top in range(0, capture.size[0], rows)]
+    how = (code, frames, plain, fringe, gamma, capture.full)
+    read = [_read(*_signed(*how, block), noise) for block in blocks]
+    joined = (np.concatenate(parts, axis=-2) for parts in zip(*read, strict=True))
+    index, edge, reach, words, average, contrast = joined
+    strong = np.abs(contrast) >= np.median(np.abs(contrast))
+    if plain is not None and np.median(contrast[strong]) < 0:
+        names = " and ".join(shot.file for shot in capture.of(-1))
+        raise ValueError(f"{capture.folder}: {names} seem to be exchanged: white is the darker")
+    return Reading(code, Cells(index, edge, reach), words, average, contrast)
+
+
+def _signed(code: GrayCode, frames, plain, fringe, gamma: float, full: float, rows: slice):
+    """Bits less their threshold in some rows; average; contrast; the noise of the first, squared.
+
+    The last in terms of the noise of one photograph.
+    """
+    grey = linearise(frames[:, rows], gamma, full)
     if code.inverse:
-        white, black = frames[0::2], frames[1::2]
-        signed, scale = (white - black) / 2, 0.5
-        average, contrast = (white[0] + black[0]) / 2, np.abs(signed).max(axis=0)
-    elif fringe is not None:
-        average, contrast, scale = (
-            fringe.average,
-            fringe.modulation,
-            4 / 3,
-        )  # a mean of three or more
-        signed = frames - average
-    elif len(capture.of(-1)) == 2:
-        white, black = linearise(capture.frames(-1), gamma, capture.full)
-        average, contrast, scale = (white + black) / 2, (white - black) / 2, 3 / 2
-        if np.median(contrast[np.abs(contrast) >= np.median(np.abs(contrast))]) < 0:
-            names = " and ".join(shot.file for shot in capture.of(-1))
-            raise ValueError(f"{capture.folder}: {names} seem to be exchanged: white is the darker")
-        signed = frames - average
-    else:
-        raise ValueError(
-            f"{capture.folder} has a Gray code alone; its threshold needs photographs in plain "
-            "light and in none (white and black), or each picture's negative (inverse)"
-        )
-    cells = read_cells(signed, contrast, np.sqrt(scale * noise.variance(average)))
-    return Reading(code, cells, signed > 0, average, contrast)
+        white, black = grey[0::2], grey[1::2]
+        signed = (white - black) / 2
+        return signed, (white[0] + black[0]) / 2, np.abs(signed).max(axis=0), 1 / 2
+    if fringe is not None:  # an average of three photographs or more
+        average = fringe.average[rows]
+        return grey - average, average, fringe.modulation[rows], 4 / 3
+    white, black = linearise(plain[:, rows], gamma, full)
+    return grey - (white + black) / 2, (white + black) / 2, (white - black) / 2, 3 / 2
+
+
+def _read(signed, average, contrast, share: float, noise: Noise):
+    cells = read_cells(signed, contrast, np.sqrt(share * noise.variance(average)))
+    return *cells, signed > 0, average, contrast
 
 
 def unwrap_by_code(
@@ -88,12 +106,47 @@ def unwrap_by_code(
 
     `sigma`, (H, W), radians, is the noise of the first wrapped phase.
     """
-    K, sure, _ = gray_order(phis[0], reading.cells, reading.code, fringes[0].pitch, sigma)
+    K, sure, off = gray_order(phis[0], reading.cells, reading.code, fringes[0].pitch, sigma)
     Phis = [absolute_phase(phis[0], K).astype(np.float32)]
+    if reading.code.cell > fringes[0].pitch * 0.75:
+        # Where a cell ends with the period, a phase that is turned, by a response or motion, may
+        # take the wrong end; it then stands out from its neighbours by a whole order.
+        spike = np.abs(Phis[0] - cv2.medianBlur(Phis[0], 5)) > np.pi
+        sure &= ~(spike & (np.abs(off) > NEAR))
     for phi, (longer, fringe) in zip(phis[1:], pairwise(fringes), strict=True):
         K = fringe_order(phi, Phis[-1], longer.pitch / fringe.pitch)
         Phis.append(absolute_phase(phi, K))
     return Phis, sure
+
+
+def cells_alone(reading: Reading, width: int, threshold: float) -> dict[str, np.ndarray]:
+    """What a Gray code tells without fringes: of a `Measurement` the maps, by name. Chapter 12.
+
+    The phase is that of the middle of the cell, or of its edge, and of a pitch that the whole code
+    covers.
+    """
+    cells, code = reading.cells, reading.code
+    column = np.where(cells.edge >= 0, code.edge(cells.edge), cell_column(cells, code))
+    Phi = (column * (TWO_PI / code.pitch)).astype(np.float32)
+    reason = np.zeros(column.shape, np.uint8)
+    for fault, why in (
+        (~(reading.contrast > threshold), Reason.DARK),
+        (cells.reach > MISLED, Reason.UNSURE),
+        (np.abs(column - (width - 1) / 2) > width / 2, Reason.OUTSIDE),
+    ):
+        reason[fault & (reason == Reason.GOOD)] = why
+    good = reason == Reason.GOOD
+    spread = code.cell * (1 + 2 * cells.reach) / 12**0.5  # of cells in which it may lie, evenly
+    return {
+        "wrapped": wrap(Phi)[None],
+        "modulation": reading.contrast[None].astype(np.float32),
+        "average": reading.average.astype(np.float32),
+        "Phi": np.where(good, Phi, np.nan),
+        "sigma": np.where(good, spread * (TWO_PI / code.pitch), np.nan).astype(np.float32),
+        "reason": reason,
+        "offsets": np.empty(0),
+        "sharpness": np.empty(0),
+    }
 
 
 def check_code(code: GrayCode, pitches: Sequence[float], width: int) -> None:

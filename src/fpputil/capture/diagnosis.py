@@ -82,8 +82,8 @@ FINDINGS = {
     ),
     "disagree": (
         "the phases of {pair} do not belong together",
-        "check the pitches (pixels, or are these periods?), the direction of the shift and the "
-        "unwrapping; or the noise is far too high for these pitches",
+        "{likely}check the pitches, the direction of the shift and the unwrapping; or the noise is "
+        "far too high for these pitches",
     ),
     "saturated": (
         "the camera is saturated at {share:.0%} of the lit pixels",
@@ -196,6 +196,7 @@ FOLLOW = {
 
 SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the setup
 HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
+SPREAD = 0.05  # of the logarithms of pitches, from which their pictures tell which is the finer
 PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order
@@ -355,8 +356,6 @@ def mirrored(column: Measurement, row: Measurement, system: System | None = None
 
     A projector that is turned, or steps that go the other way, do not look like one.
     """
-    if not (len(column.wrapped) and len(row.wrapped)):
-        return []
     turn = np.linalg.det([growth(m, local_gradients(m)) for m in (column, row)])
     expected = 1.0 if system is None else np.linalg.det(growth_by(system))
     if not turn * expected < 0:
@@ -366,8 +365,6 @@ def mirrored(column: Measurement, row: Measurement, system: System | None = None
 
 def _frequencies(m, capture, system) -> Iterator[Finding]:
     """What the local frequencies tell of the pitches and of the direction."""
-    if not len(m.wrapped):  # a Gray code alone
-        return
     grown = growth(m, gradients := local_gradients(m))
     towards = heading(m.axis, grown, system)
     frequencies = np.linalg.norm(gradients, axis=1) if towards is None else gradients @ towards
@@ -439,7 +436,17 @@ def _offset(m, capture) -> Iterator[Finding]:
             if late or sharpness > SURE:
                 yield _finding("offset", pair=pair, offset=offset, likely=likely, late=late)
         elif sharpness < SURE / 2 and m.lit.any():
-            yield _finding("disagree", pair=pair)
+            periods = "these look like periods, not pitches (--periods); else "
+            yield _finding("disagree", pair=pair, likely=periods if _look_like_periods(m) else "")
+
+
+def _look_like_periods(m: Measurement) -> bool:
+    """Whether the fringes are the finer in the picture the larger their pitches are said to be."""
+    pitches = np.array([f.pitch for f in m.fringes])
+    frequencies = np.linalg.norm(local_gradients(m), axis=1)
+    if np.ptp(np.log(pitches)) < SPREAD or not (frequencies > 1e-3).all():
+        return False
+    return np.polyfit(np.log(pitches), np.log(frequencies), 1)[0] > 0.5  # it should be -1
 
 
 def likely_start(m: Measurement, patterns: Patterns) -> str:

@@ -167,7 +167,9 @@ def decode_folder(
                     difference = phase_difference(one, measure(plane, one.axis, **how))
                     shapes[one.axis] = arrays[f"{one.axis}_difference"] = difference
             for axis, shape in shapes.items() if relief else ():
-                shape = remove_ground(largest_part(shape), DEGREES[relief]).astype(np.float32)
+                if capture.patterns.unwrap == "spatial":  # of others the turns are not known
+                    shape = largest_part(shape)
+                shape = remove_ground(shape, DEGREES[relief]).astype(np.float32)
                 arrays[f"{axis}_relief"] = shape
                 save_relief(partial, f"{axis}_relief", shape)
                 summary.setdefault("relief", []).append(f"{axis}_relief.ply")

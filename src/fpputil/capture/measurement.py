@@ -17,6 +17,7 @@ import numpy as np
 
 from fpputil.capture.coding import (
     Reading,
+    cells_alone,
     check_code,
     code_offset,
     read_code,
@@ -47,17 +48,14 @@ from fpputil.capture.quality import (
     response_by_curve,
     response_share,
 )
-from fpputil.capture.suggestion import suggestion
 from fpputil.checks import not_negative
 from fpputil.decoding import phase, unwrap
 from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
-from fpputil.decoding.gray import cell_column
 from fpputil.decoding.triangulation import depth_of, in_range, triangulate
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
 SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
-MISLED = 4  # cells of a Gray code without fringes, by which bits in doubt may mislead it
 ENOUGH = 600  # pixels of the grid by which a response is told
 LEAST_LIT = 100  # of them
 SEEN = 0.015  # second harmonic over the fringe, from which on a response is looked for
@@ -247,7 +245,15 @@ def measure(
         raise ValueError(f"{capture.folder}: {error}") from error
     fringes = tuple(patterns.along(axis).values())
     if not fringes:
-        return _code_alone(capture, axis, threshold, gamma, noise, each)
+        variance = Noise(not_negative("noise", noise or 0.0, "grey levels") ** 2, 0.0, True)
+        reading = read_code(capture, axis, variance, gamma or 1.0)
+        if each is not None:
+            each(reading.code.steps)
+        maps = cells_alone(reading, patterns.width(axis), threshold)
+        maps |= {"noise": variance, "gamma": gamma or 1.0, "reading": reading, "curved": False}
+        maps |= {"told": "" if gamma is None else "the command"}
+        maps |= {name: [] for name in ("gains", "sample", "shown")}
+        return Measurement(axis=axis, fringes=(reading.code,), **maps)
     fits, sample, gains, shown, response = _read(capture, axis, gamma, each)
     curved = response.gamma != 1 and response.black is not None
     straight = [f if (g == 1).all() else f / g[:, None] for f, g in zip(sample, gains, strict=True)]
@@ -264,6 +270,8 @@ def measure(
         Phis = unwrapped(phis)
     else:
         reading = read_code(capture, axis, variance, response.gamma, fits[0])
+        if each is not None:
+            each(reading.code.steps)
         Phis, sure = unwrap_by_code(
             phis, fringes, reading, phase_noise(fits[0], fringes[0].steps, variance)
         )
@@ -304,51 +312,6 @@ def measure(
     )
 
 
-def _code_alone(capture: Capture, axis: str, threshold, gamma, noise, each) -> Measurement:
-    """What a Gray code along an axis tells without fringes: the cell of each pixel, no more."""
-    number, code = capture.patterns.code(axis)
-    variance = Noise(
-        0.0 if noise is None else not_negative("noise", noise, "grey levels") ** 2, 0.0, True
-    )
-    reading = read_code(capture, axis, variance, gamma or 1.0)
-    if each is not None:
-        each(code.steps)
-    on_edge = reading.cells.edge >= 0
-    column = np.where(on_edge, code.edge(reading.cells.edge), cell_column(reading.cells, code))
-    Phi = (column * (unwrap.TWO_PI / code.pitch)).astype(np.float32)
-    reason = np.zeros(capture.size, np.uint8)
-    width = capture.patterns.width(axis)
-    for fault, why in (
-        (~(reading.contrast > threshold), Reason.DARK),
-        (reading.cells.reach > MISLED, Reason.UNSURE),
-        (np.abs(column - (width - 1) / 2) > width / 2, Reason.OUTSIDE),
-    ):
-        reason[fault & (reason == Reason.GOOD)] = why
-    good = reason == Reason.GOOD
-    cells = 1 + 2 * reading.cells.reach  # in which the pixel may lie, evenly
-    sigma = (unwrap.TWO_PI / code.pitch * code.cell / 12**0.5 * cells).astype(np.float32)
-    return Measurement(
-        axis=axis,
-        fringes=(code,),
-        wrapped=unwrap.wrap(Phi)[None],
-        modulation=reading.contrast[None].astype(np.float32),
-        average=reading.average.astype(np.float32),
-        Phi=np.where(good, Phi, np.nan),
-        sigma=np.where(good, sigma, np.float32(np.nan)),
-        reason=reason,
-        offsets=np.empty(0),
-        sharpness=np.empty(0),
-        noise=variance,
-        gamma=gamma or 1.0,
-        told="" if gamma is None else "the command",
-        curved=False,
-        gains=[],
-        sample=[],
-        shown=[],
-        reading=reading,
-    )
-
-
 def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable | None:
     """Function from P wrapped phases (H, W) to absolute ones, checked before any phase is there.
 
@@ -373,7 +336,7 @@ def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable
         try:
             method(list(np.zeros((len(pitches), 1, 1))), pitches, width)
         except ValueError as error:
-            other = suggestion(patterns.unwrap, pitches, width)
+            other = unwrap.suggestion(patterns.unwrap, pitches, width)
             raise ValueError(f"{error}{other}") from error
         return lambda phis: method(phis, pitches, width)
     if system is None or axis != "column":

@@ -81,8 +81,8 @@ class Patterns:
         ``"pitch-24/*.png"`` of photographs in a folder inside, or a list of the names of its
         steps; or all names in the order of time. A TIFF or NPY file that is named for several
         photographs holds them one after the other.
-    first : int
-        Number of the first step in the names.
+    first : int, or tuple of int
+        Number of the first step in the names; of all fringes, or of each.
     white, black : str
         Names of the photographs in plain light and in none; "" if there is none.
     gamma : float
@@ -109,7 +109,7 @@ class Patterns:
     shift: int = 1
     order: str = "fringe"
     files: str = "{axis}-{pitch}-{step:02}.png"
-    first: int = 0
+    first: int | tuple[int, ...] = 0
     white: str = ""
     black: str = ""
     gamma: float = 1.0
@@ -117,6 +117,14 @@ class Patterns:
     def __post_init__(self):
         for name in ("projector", "fringes"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+        if isinstance(self.first, list | tuple):
+            each = tuple(self.first) if len(self.first) != 1 else self.first[0]
+            object.__setattr__(self, "first", each)
+            if isinstance(each, tuple) and len(each) != len(self.fringes):
+                raise ValueError(
+                    f"first {list(each)} given; one number, or one of each of the "
+                    f"{len(self.fringes)} fringes is needed"
+                )
         for name, (fits, needed) in NEEDED.items():
             if not fits(value := getattr(self, name)):
                 raise ValueError(f"{name} {value!r} given; {needed}")
@@ -327,7 +335,8 @@ class Patterns:
         return matching
 
     def _name(self, k: int, n: int, number: int) -> str:
-        fringe, step = self.fringes[k], n + self.first
+        first = self.first[k] if isinstance(self.first, tuple) else self.first
+        fringe, step = self.fringes[k], n + first
         values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
         if isinstance(fringe, GrayCode):
             values |= {"pitch": "gray", "periods": "gray"}
@@ -429,7 +438,10 @@ NEEDED = {
     "unwrap": (lambda v: v in UNWRAP, f"one of {', '.join(UNWRAP)} is needed"),
     "shift": (lambda v: _is_whole(v, -1, 1) and v != 0, "one of 1, -1 is needed"),
     "order": (lambda v: v in ORDERS, f"one of {', '.join(ORDERS)} is needed"),
-    "first": (lambda v: _is_whole(v, 0), "a whole number of 0 or more is needed"),
+    "first": (
+        lambda v: all(_is_whole(n, 0) for n in (v if isinstance(v, tuple) else (v,))),
+        "a whole number of 0 or more is needed",
+    ),
     "files": (_are_names, "names in the folder, or in one inside it, are needed"),
     "white": (lambda v: v == "" or _is_name(v), "a name in the folder, or none, is needed"),
     "black": (lambda v: v == "" or _is_name(v), "a name in the folder, or none, is needed"),

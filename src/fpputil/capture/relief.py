@@ -18,6 +18,7 @@ from fpputil.decoding.pointcloud import save_ply, surface
 DEGREES = {"plane": 1, "cubic": 3}
 LEAST = 100  # pixels of a phase, of which a ground is told
 SAMPLE = 20_000  # pixels that tell the ground
+TRIALS = 300  # planes through three pixels, of which the best begins
 ROUNDS = 10  # of the fit, each without the pixels that lie off it
 OFF = 2.5  # times the spread, from which on a pixel is no ground
 MOST = 400_000  # vertices of a mesh
@@ -56,13 +57,26 @@ def remove_ground(values: np.ndarray, degree: int) -> np.ndarray:
     powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
     every = max(1, known.sum() // SAMPLE)
     r, c, value = (a[known][::every] for a in (row, column, values))
-    terms, use = np.stack([r**i * c**j for i, j in powers], axis=1), np.ones(len(value), bool)
-    for _ in range(ROUNDS):
+    terms = np.stack([r**i * c**j for i, j in powers], axis=1)
+    off = _off_a_plane(np.stack([np.ones_like(r), r, c], axis=1), value)
+    for _ in range(ROUNDS):  # without the pixels that lie off the ground
+        use = off <= max(OFF * 1.4826 * np.median(off), 1e-6)
         factors = np.linalg.lstsq(terms[use], value[use], rcond=None)[0]
         off = np.abs(value - terms @ factors)
-        use = off <= max(OFF * 1.4826 * np.median(off), 1e-6)
     ground = sum(f * row**i * column**j for f, (i, j) in zip(factors, powers, strict=True))
     return values - ground
+
+
+def _off_a_plane(terms, value) -> np.ndarray:
+    """How far values lie off the plane, of many through three, with the least median of that."""
+    rng = np.random.default_rng(0)
+    threes = rng.integers(len(value), size=(TRIALS, 3))
+    solvable = np.abs(np.linalg.det(terms[threes])) > 1e-2
+    threes = threes[solvable] if solvable.any() else threes
+    factors = [np.linalg.lstsq(terms[t], value[t], rcond=None)[0] for t in threes]
+    few = slice(None, None, max(1, len(value) // 2000))
+    medians = [np.median(np.abs(value[few] - terms[few] @ f)) for f in factors]
+    return np.abs(value - terms @ factors[int(np.argmin(medians))])
 
 
 def phase_difference(measurement: Measurement, reference: Measurement) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import json as jsons
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -45,7 +45,10 @@ class Files:
     projector: Annotated[
         Size | None, option("Pixels (default 912x1140, unless the pitches say otherwise).")
     ] = None
-    first: Annotated[int, option("Number of the first step in a name.")] = 0
+    first: Annotated[
+        list[int],
+        option("Number of the first step in a name; of all pitches, or of each.", **SEVERAL),
+    ] = field(default_factory=lambda: [0])
     order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
     white: Annotated[str, option("Photograph in plain light.")] = ""
     black: Annotated[
@@ -162,8 +165,7 @@ def _patterns(folder: Path, names: Files, fringes: Fringes):
     if fringes.shift is not None:
         patterns = replace(patterns, shift=fringes.shift)
     if fringes.start is not None:
-        each = (tuple(f for f in patterns.fringes if f.axis == axis) for axis in patterns.axes)
-        patterns = replace(patterns, fringes=sum(map(fringes.begun, each), ()))
+        patterns = replace(patterns, fringes=_begun(patterns, fringes))
     return patterns
 
 
@@ -172,8 +174,18 @@ def _composed(value):
     from fpputil.capture.patterns import composed
 
     if isinstance(value, list):
-        return [composed(name) for name in value]
+        return [_composed(one) for one in value]
     return composed(value) if isinstance(value, str) else value
+
+
+def _begun(patterns, fringes: Fringes) -> tuple:
+    """The fringes of a file, which begin as --start says; a Gray code has no start."""
+    begun = list(patterns.fringes)
+    for axis in patterns.axes:
+        sinusoids = [k for k, f in enumerate(begun) if f in patterns.along(axis).values()]
+        for k, fringe in zip(sinusoids, fringes.begun([begun[k] for k in sinusoids]), strict=True):
+            begun[k] = fringe
+    return tuple(begun)
 
 
 def _print(decoded, system) -> None:

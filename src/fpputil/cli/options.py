@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +11,7 @@ from cyclopts import Parameter
 
 from fpputil import capture, optics
 from fpputil.checks import positive
-from fpputil.decoding.unwrap import TEMPORAL
+from fpputil.decoding.unwrap import TEMPORAL, reach
 
 
 def option(text: str, **how) -> Parameter:
@@ -125,6 +126,7 @@ class Fringes:
             "one shifted by half a period; or no fringes at all, and cells of one pixel."
         ),
     ] = None
+    code_first: Annotated[bool | None, option("Gray code before the fringes.", negative=())] = None
     inverse: Annotated[
         bool | None, option("After each picture of a Gray code its negative.", negative=())
     ] = None
@@ -148,8 +150,10 @@ class Fringes:
         unwrap = self.unwrap or "mf"
         if self.pitches and self.periods:
             raise ValueError("--pitches and --periods given; one of them says what was projected")
-        if unwrap != "gray" and (beside := [n for n in ("code", "inverse") if getattr(self, n)]):
-            raise ValueError(f"--{beside[0]} with unwrap {unwrap!r} given; it is of gray")
+        of_gray = [n for n in ("code", "code_first", "inverse") if getattr(self, n)]
+        if of_gray and unwrap != "gray":
+            name = of_gray[0].replace("_", "-")
+            raise ValueError(f"--{name} with unwrap {unwrap!r} given; it is of gray")
         if self.code == "alone" and (self.pitches or self.periods):
             raise ValueError("--code alone with pitches given; it has no fringes")
         if not (self.pitches or self.periods) and unwrap not in USUALLY:
@@ -160,10 +164,11 @@ class Fringes:
         fringes = ()
         for axis in axes:
             pitches = self._pitches(projector, axis)
-            if self.code != "alone":
-                fringes += self.begun(optics.fringe_set(pitches, steps, axis=axis))
+            sinusoids, code = self.begun(optics.fringe_set(pitches, steps, axis=axis)), ()
             if unwrap == "gray":
-                fringes += (self._code(max(pitches), projector[axis == "row"], axis),)
+                code = (self._code(max(pitches), projector[axis == "row"], axis),)
+            sinusoids = () if self.code == "alone" else sinusoids
+            fringes += code + sinusoids if self.code_first else sinusoids + code
         patterns = capture.Patterns(projector, fringes, unwrap, self.shift or 1, **names)
         for axis in () if unwrap == "minimum" else axes:  # whose pitches the system decides on
             try:
@@ -172,12 +177,12 @@ class Fringes:
                 raise ValueError(f"fringes along {axis}s: {error}") from error
         return patterns
 
-    def begun(self, fringes: tuple) -> tuple:
+    def begun(self, fringes: Sequence) -> tuple:
         """Fringes along an axis that begin as `start` says."""
         from fpputil.capture.patterns import phase_of
 
         if self.start is None:
-            return fringes
+            return tuple(fringes)
         starts = self.start * len(fringes) if len(self.start) == 1 else self.start
         if len(starts) != len(fringes):
             raise ValueError(
@@ -188,8 +193,6 @@ class Fringes:
 
     def _usual(self, unwrap: str) -> tuple[int, int]:
         """Size of the book's projector, unless pitches or periods say that it is another one."""
-        from fpputil.capture.suggestion import reach
-
         if self.periods:
             raise ValueError("--periods without --projector given; they are parts of its width")
         if self.pitches and unwrap == "gray":
