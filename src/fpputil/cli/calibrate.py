@@ -28,7 +28,8 @@ def calibrate(
 
     FOLDER holds a folder for each pose of the board, ten or more, tilted by 25 to 40 degrees in
     all directions, out to the picture's edges; in each the photographs of fringes along columns
-    and rows (`fpp patterns --axis both`).
+    and rows (`fpp patterns --axis both`). The projector may hang in any way; decode with the
+    --shift that was calibrated with. A bad pose is left out by name.
     """
     target = calibration.Board(*board, square, kind)
     free(system, force)

@@ -56,9 +56,11 @@ def decode(
     """Decode a folder of photographs.
 
     Writes decoded.npz, TIFF files, report.html and summary.json, with --system also points.ply and
-    the depth. If the capture is wrong in a way that would give wrong phases (direction of the
-    shift, swapped or missing photographs, a saturated projector ...), only report and summary are
-    written, and the exit code is 1.
+    the depth: of columns, rows or both, as each pixel's geometry makes them sharp. How the
+    projector hangs (beside the camera, above it, on its head or side) is what the system says. If
+    the capture is wrong in a way that would give wrong phases (direction of the shift, swapped or
+    missing photographs, a saturated projector ...), or the system looks like another rig's, only
+    report and summary are written, and the exit code is 1.
     """
     from fpputil.checks import positive
 
