@@ -200,7 +200,7 @@ def test_patterns_and_system_are_of_one_projector(loop, tmp_path, capsys):
     shots += ["1824", "228", "48", "--system", str(tmp_path / "wide.json"), "--no-report"]
     code, said = main(shots), capsys.readouterr()
     assert code == 1 and "pixels in the mask have no depth from 480 to 820 mm" in said.err
-    assert "nothing but the report is written; --accept" in said.err
+    assert "only the report is written; --accept" in said.err
 
 
 def test_a_board_is_rendered_and_calibrates_the_system(tmp_path, capsys):

@@ -13,7 +13,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from fpputil import plotting
-from fpputil.capture.diagnosis import Finding
+from fpputil.capture.diagnosis import FINDINGS, Finding
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.quality import Reason
 from fpputil.decoding.phase import THRESHOLD
@@ -43,7 +43,9 @@ def page(
     )
     numbers = {one.axis: one.numbers() for one in measurements}
     template = templates.get_template("report.html")
-    return template.render(title=title, findings=findings, numbers=numbers, pictures=pictures)
+    of_phases = any(f.severe and f.code in FINDINGS for f in findings)
+    shown = {"findings": findings, "wrong": "phases" if of_phases else "points"}
+    return template.render(title=title, numbers=numbers, pictures=pictures, **shown)
 
 
 def overview(measurement: Measurement, depth=None) -> Figure:

@@ -117,5 +117,5 @@ def _print(decoded, system) -> None:
     elif system is None:
         print("no --system given: phases, but no depth and no points")
     if not summary["decoded"]:
-        print("with errors nothing but the report is written; --accept writes it", file=sys.stderr)
+        print("with errors only the report is written; --accept writes all", file=sys.stderr)
     print(f"{'written to' if summary['decoded'] else 'the report is in'} {decoded.out}")
