@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from fpputil.calibration.board import Board
-from fpputil.calibration.placement import place_boards
+from fpputil.calibration.placement import PlacedBoard, place_boards
 from fpputil.calibration.zhang import calibrate
+from fpputil.capture.folder import board_pose, decode_folder
 from fpputil.capture.mounting import growth_by
+from fpputil.capture.patterns import Patterns
+from fpputil.capture.virtual import photograph_into
+from fpputil.optics.fringes import fringe_set
+from fpputil.optics.raycasting import raycast
+from fpputil.optics.shapes import sphere
 from fpputil.optics.system import preset
 
 BOARD = Board(8, 5, 33.0)
@@ -76,3 +82,27 @@ def test_poses_that_could_not_be_read_are_told(photograph):
     assert found.rejected == unread and len(found.camera_errors) == 6
     with pytest.raises(ValueError, match="0 of 1 poses can be used; .*pose-07: two photographs"):
         calibrate(BOARD, [], None, *RANGE, unread=unread)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", [*PLACES, "mirrored"])
+def test_a_sphere_is_measured_by_what_the_boards_said(hung, tmp_path, place):
+    """All from noisy photographs at `paper`: boards, fringes, and the sphere's depth."""
+    system = hung(preset("paper").system, *PLACES.get(place, ((45, 0, 150), 0)))
+    if place == "mirrored":
+        K = system.camera.K * ((-1, 1, 1), (1, 1, 1), (1, 1, 1))
+        system = replace(system, camera=replace(system.camera, K=K))
+    fringes = (*fringe_set((912, 114, 24), 4), *fringe_set((1140, 114, 24), 4, axis="row"))
+    patterns, picture, poses = Patterns((912, 1140), fringes), BOARD.picture(40), []
+    for k, (R, t) in enumerate(place_boards(8, 0, system, BOARD.size)):
+        board = PlacedBoard(picture, picture.shape[1] * BOARD.square / 40, R, t)
+        view = raycast(board.mesh, system, albedo=board.albedo, supersample=2)
+        photograph_into(tmp_path / f"pose-{k}", view, patterns, system, k, noise=1)
+        poses.append(board_pose(tmp_path / f"pose-{k}")[0])
+    found = calibrate(BOARD, poses, (912, 1140), *RANGE, lens=0, projector_lens=0)
+    view = raycast(sphere(90, (0, 0, 660)), system)
+    photograph_into(tmp_path / "shots", view, patterns, system, 9, noise=1, ambient=10)
+    result = decode_folder(tmp_path / "shots", None, found.system, report=False, pictures=False)
+    off = result.points[..., 2] - view.depth
+    assert result.findings == () and np.isfinite(off).sum() > 0.95 * view.mask.sum()
+    assert np.nanmedian(np.abs(off)) < 0.15

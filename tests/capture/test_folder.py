@@ -12,6 +12,8 @@ from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.virtual import photograph_into
 from fpputil.optics.fringes import fringe_set
+from fpputil.optics.raycasting import raycast
+from fpputil.optics.shapes import sphere
 
 PROJECTOR = (912, 1140)
 PATTERNS = Patterns(PROJECTOR, fringe_set((912, 114, 24), 4))
@@ -52,6 +54,22 @@ def test_the_folder_one_is_in_is_decoded_beside_itself(shots, monkeypatch):
     monkeypatch.chdir(shots)
     result = decode_folder(".", report=False, pictures=False)
     assert result.out == shots.with_name("a <b> & c-decoded") and result.out.is_dir()
+
+
+def test_a_bad_board_is_refused_whichever_way_the_projector_hangs(tmp_path, hung, tiny):
+    """The direction is no fault of a pose; two photographs exchanged are."""
+    system = hung(tiny.system, roll=180)
+    fringes = (*fringe_set((1140, 114), 8), *fringe_set((1140, 114), 8, axis="row"))
+    view = raycast(sphere(100, (0, 0, 680)), system)
+    photograph_into(tmp_path / "pose", view, Patterns(PROJECTOR, fringes), system, noise=1)
+    pose, _ = board_pose(tmp_path / "pose")
+    assert np.median(np.abs(pose.column - view.column)[np.isfinite(pose.column)]) < 0.5
+    a, b = (tmp_path / "pose" / f"row-114-0{n}.png" for n in (2, 5))
+    a.rename(tmp_path / "aside")
+    b.rename(a)
+    (tmp_path / "aside").rename(b)
+    with pytest.raises(ValueError, match="row-114-02.png and row-114-05.png are exchanged"):
+        board_pose(tmp_path / "pose")
 
 
 def test_photographs_written_as_arrays_are_decoded(tmp_path, sphere_view, tiny):

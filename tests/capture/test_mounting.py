@@ -58,7 +58,7 @@ def decoded(tmp_path):
         folder.mkdir(exist_ok=True)
         for shot, frame in photograph(view, PATTERNS[axes], true, noise=1, ambient=10):
             write_photograph(folder / shot.file, change(frame))
-        how |= {"report": False, "pictures": False, "force": True}
+        how = {"report": False, "pictures": False, "force": True} | how
         result = decode_folder(folder, None, system, patterns=patterns or PATTERNS[axes], **how)
         return result, view
 
@@ -197,6 +197,19 @@ def test_points_without_light_of_the_projector_are_told(rig, decoded, tmp_path):
     moved = replace(true, projector=replace(true.projector, K=K))
     found = list(diagnose_points(locate([one], moved), [one], moved))
     assert [(f.code, f.severe) for f in found] == [("beam", True)]
+
+
+def test_an_upright_system_does_not_take_a_projector_on_its_head(rig, decoded):
+    """Whose columns, counted the other way, are one off: 3 mm here."""
+    turned = replace(PATTERNS["both"], shift=-1)
+    result, _ = decoded(rig("small", "on its head"), rig("small"), "both", turned)
+    assert codes(result) == {"apart": True} and result.points is None
+
+
+def test_the_report_of_another_rig_does_not_blame_the_phases(rig, decoded):
+    result, _ = decoded(rig("small"), rig("small", "below"), report=True)
+    page = (result.out / "report.html").read_text()
+    assert "The points are wrong" in page and "have no depth from 480 to 820 mm" in page
 
 
 def test_no_point_at_all_is_an_error_even_if_accepted(rig, decoded):

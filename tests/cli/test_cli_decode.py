@@ -183,6 +183,26 @@ def test_errors_name_what_was_given(tmp_path, monkeypatch, capsys, command, said
     assert list(tmp_path.iterdir()) == []
 
 
+def test_patterns_and_system_are_of_one_projector(loop, tmp_path, capsys):
+    """Without --projector it is the system's."""
+    system = preset("tiny").system
+    wide = replace(system, projector=replace(system.projector, width=1824))
+    wide.save(tmp_path / "wide.json")
+    names = ["--files", "*.png", "--steps", "8", "--pitches"]
+    shots = ["decode", str(loop / "shots"), "--out", str(tmp_path / "out"), "--system"]
+    assert main([*shots, str(tmp_path / "wide.json")]) == 1
+    sizes = "projector of 912 x 1140 pixels given; the system has one of 1824 x 1140"
+    assert sizes in capsys.readouterr().err and not (tmp_path / "out").exists()
+    (tmp_path / "twice").mkdir()
+    for shot in sorted((loop / "shots").glob("*.png"))[2:]:  # white and black come first
+        shutil.copy(shot, tmp_path / "twice" / shot.name)
+    shots = ["decode", str(tmp_path / "twice"), "--out", str(tmp_path / "out"), *names]
+    shots += ["1824", "228", "48", "--system", str(tmp_path / "wide.json"), "--no-report"]
+    code, said = main(shots), capsys.readouterr()
+    assert code == 1 and "pixels in the mask have no depth from 480 to 820 mm" in said.err
+    assert "only the report is written; --accept" in said.err
+
+
 def test_a_board_is_rendered_and_calibrates_the_system(tmp_path, capsys):
     patterns = ["--axis", "both", "--pitches", "1140", "114", "24", "--steps", "4", "--no-plain"]
     assert main(["patterns", str(tmp_path / "p"), *patterns]) == 0

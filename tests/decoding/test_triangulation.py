@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from fpputil.decoding import phase_height, pointcloud, triangulation
 from fpputil.decoding.decoder import decode
+from fpputil.optics.pinhole import Pinhole
 from fpputil.optics.raycasting import raycast
 from fpputil.optics.shapes import plane
 
@@ -81,6 +82,16 @@ def test_one_axis_fills_where_the_other_is_unknown(tiny, hung):
     assert (np.isfinite(points[..., 2]) == (np.isfinite(column) | np.isfinite(row))).all()
     sharp = np.isfinite(points[..., 2]) & (np.abs(np.arange(160) - 80) < 70)
     np.testing.assert_allclose(points[sharp][:, 2], 650.0, atol=1e-4)
+
+
+def test_rays_are_bent_only_where_something_is_known(tiny, monkeypatch):
+    camera = replace(tiny.system.camera, distortion=LENS)
+    system, asked, rays = replace(tiny.system, camera=camera), [], Pinhole.rays
+    column = system.columns_at(650.0)
+    column[20:] = np.nan
+    monkeypatch.setattr(Pinhole, "rays", lambda self, uv: asked.append(len(uv)) or rays(self, uv))
+    assert np.isfinite(triangulation.triangulate(column, system)[:20, :100]).all()
+    assert sum(asked) == 20 * 160
 
 
 def test_light_that_would_come_from_behind_the_projector_makes_no_point(tiny):

@@ -40,7 +40,7 @@ POINT_FINDINGS = {
 """Of each finding about points by its code what is the matter, and what to do about it."""
 
 SHARE, MOST = 0.05, 0.5  # of the pixels in the mask: told from the one on, an error from the other
-APART, TOO_FAR = 0.5, 1.5  # projector pixels, likewise
+APART, TOO_FAR = 0.5, 0.9  # projector pixels, likewise; steps the other way shift by one
 DIFFERENT = 2.0  # projector pixels between column and row, beyond which a point is dropped
 VAGUE, BLIND = 0.005, 0.02  # median uncertainty of the depth, of the measuring range, likewise
 BLUNT = 3.0  # times as many pixels a millimetre by the other axis

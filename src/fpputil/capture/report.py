@@ -13,7 +13,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from fpputil import interactive, plotting
-from fpputil.capture.diagnosis import Finding
+from fpputil.capture.diagnosis import FINDINGS, Finding
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.quality import Reason
 from fpputil.decoding.phase import THRESHOLD
@@ -47,13 +47,11 @@ def page(
     templates = Environment(
         loader=PackageLoader("fpputil", "capture"), autoescape=True, trim_blocks=True
     )
-    return templates.get_template("report.html").render(
-        title=title,
-        findings=findings,
-        numbers={one.axis: one.numbers() for one in measurements},
-        pictures=pictures,
-        figures=figures,
-    )
+    numbers = {one.axis: one.numbers() for one in measurements}
+    template = templates.get_template("report.html")
+    of_phases = any(f.severe and f.code in FINDINGS for f in findings)
+    told = {"findings": findings, "wrong": "phases" if of_phases else "points"}
+    return template.render(title=title, numbers=numbers, pictures=pictures, figures=figures, **told)
 
 
 def linked(measurement: Measurement, depth=None, instead_of: str = "") -> Live:

@@ -57,7 +57,9 @@ def calibrate(
     FOLDER holds a folder for each pose of the board, ten or more, tilted by 25 to 40 degrees in
     all directions, out to the picture's edges; in each the photographs of fringes along columns
     and rows (`fpp patterns --axis both`). Hidden folders, and those that `fpp decode` wrote, are
-    passed over. Lengths in the system are mm, whatever --unit says of those given.
+    passed over; a bad pose is left out by name. The projector may hang in any way; decode with the
+    --shift that was calibrated with. Lengths in the system are mm, whatever --unit says of those
+    given.
     """
     square, *reach = millimetres(unit, LEAST, square=target.square, range=reach[0], far=reach[1])
     printed = target.board(*board, square)

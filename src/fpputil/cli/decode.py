@@ -110,9 +110,11 @@ def decode(
     """Decode a folder of photographs.
 
     Writes decoded.npz, TIFF files, report.html and summary.json, with --system also points.ply and
-    the depth. If the capture is wrong in a way that would give wrong phases (direction of the
-    shift, swapped or missing photographs, a saturated projector ...), only report and summary are
-    written, and the exit code is 1.
+    the depth: of columns, rows or both, as each pixel's geometry makes them sharp. How the
+    projector hangs (beside the camera, above it, on its head or side) is what the system says. If
+    the capture is wrong in a way that would give wrong phases (direction of the shift, swapped or
+    missing photographs, a saturated projector ...), or the system looks like another rig's, only
+    report and summary are written, and the exit code is 1.
     """
     exponent = _exponent(gamma)
     rig = None if system is None else optics.load_system(system)
@@ -209,5 +211,5 @@ def _print(decoded, system) -> None:
     for file in summary.get("relief", ()):
         print(f"{decoded.out / file}: heights in radians, which way is up is not known")
     if not summary["decoded"]:
-        print("with errors nothing but the report is written; --accept writes it", file=sys.stderr)
+        print("with errors only the report is written; --accept writes all", file=sys.stderr)
     print(f"{'written to' if summary['decoded'] else 'the report is in'} {decoded.out}")
