@@ -8,8 +8,8 @@ import pytest
 from fpputil.calibration.board import Board
 from fpputil.calibration.placement import PlacedBoard, place_boards
 from fpputil.calibration.zhang import calibrate
+from fpputil.capture.faults.mounting import growth_by
 from fpputil.capture.folder import board_pose, decode_folder
-from fpputil.capture.mounting import growth_by
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.virtual import photograph_into
 from fpputil.optics.fringes import fringe_set

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.faults.diagnosis import diagnose
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import NAME
 from fpputil.capture.photographs import open_capture

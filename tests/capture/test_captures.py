@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.faults.diagnosis import diagnose
+from fpputil.capture.faults.gamma import estimate_gamma, linearise
 from fpputil.capture.folder import decode_folder
-from fpputil.capture.gamma import estimate_gamma, linearise
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture

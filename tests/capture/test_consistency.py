@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fpputil.capture.consistency import doubled, exchanged, flicker_of, misfits
+from fpputil.capture.faults.consistency import doubled, exchanged, flicker_of, misfits
 from fpputil.capture.patterns import Patterns
 from fpputil.optics.fringes import Fringe, fringe_set
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.consistency import exchanged, misfits
-from fpputil.capture.diagnosis import FINDINGS, SEVERE, diagnose
+from fpputil.capture.faults.consistency import exchanged, misfits
+from fpputil.capture.faults.diagnosis import FINDINGS, SEVERE, diagnose
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture

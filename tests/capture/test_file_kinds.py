@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from fpputil.capture.diagnosis import of_files
+from fpputil.capture.faults.diagnosis import of_files
 from fpputil.capture.images import levels_of, read_pixels
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fpputil.capture.gamma import estimate_gamma, harmonic_ratio, linearise
+from fpputil.capture.faults.gamma import estimate_gamma, harmonic_ratio, linearise
 from fpputil.decoding import phase
 
 

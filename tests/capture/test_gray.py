@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.faults.diagnosis import diagnose
 from fpputil.capture.folder import board_pose
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns

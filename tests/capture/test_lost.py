@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.faults.diagnosis import diagnose
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.quality import Reason

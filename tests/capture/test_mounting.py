@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fpputil.capture.depth import diagnose_points, locate
+from fpputil.capture.faults.mounting import growth_by, way, writing
 from fpputil.capture.folder import decode_folder
 from fpputil.capture.measurement import measure
-from fpputil.capture.mounting import growth_by, way, writing
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.virtual import photograph, photograph_into, write_photograph

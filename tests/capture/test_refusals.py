@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import tifffile
 
+from fpputil.capture.faults.gamma import estimate_gamma, harmonic_ratio, linearise
 from fpputil.capture.folder import board_pose, decode_folder
-from fpputil.capture.gamma import estimate_gamma, harmonic_ratio, linearise
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import NAME, Patterns
 from fpputil.capture.photographs import open_capture, read_photograph

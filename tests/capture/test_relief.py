@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from fpputil.capture.diagnosis import diagnose
+from fpputil.capture.faults.diagnosis import diagnose
 from fpputil.capture.folder import board_pose, decode_folder
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns

@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import Finding, diagnose
+from fpputil.capture.faults.diagnosis import Finding, diagnose
 from fpputil.capture.folder import decode_folder
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns

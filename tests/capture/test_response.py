@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.diagnosis import diagnose
-from fpputil.capture.gamma import gamma_of_few, gamma_of_plain, linearise, power_profile
+from fpputil.capture.faults.diagnosis import diagnose
+from fpputil.capture.faults.gamma import gamma_of_few, gamma_of_plain, linearise, power_profile
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture

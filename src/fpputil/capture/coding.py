@@ -9,7 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from fpputil.capture.gamma import linearise
+from fpputil.capture.faults.gamma import linearise
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Fit, Noise, Reason
 from fpputil.decoding.gray import NEAR, Cells, cell_column, gray_index, gray_order, read_cells

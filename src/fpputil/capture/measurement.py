@@ -23,8 +23,8 @@ from fpputil.capture.coding import (
     read_code,
     unwrap_by_code,
 )
-from fpputil.capture.consistency import STEPS, flicker_of
-from fpputil.capture.gamma import (
+from fpputil.capture.faults.consistency import STEPS, flicker_of
+from fpputil.capture.faults.gamma import (
     LEAST_STEPS,
     estimate_gamma,
     few_ratio,

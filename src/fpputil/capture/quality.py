@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 from scipy.special import chdtr, chdtri
 
-from fpputil.capture.gamma import TURN, linearise, power_profile
+from fpputil.capture.faults.gamma import TURN, linearise, power_profile
 from fpputil.decoding import phase
 from fpputil.decoding.unwrap import TWO_PI, beats_of, covers, guard_columns
 from fpputil.optics.fringes import WHITE, Fringe

@@ -12,11 +12,18 @@ import cv2
 import numpy as np
 
 from fpputil.capture.coding import code_fault
-from fpputil.capture.consistency import FLICKERS, STEPS, doubled, exchanged, misfits
-from fpputil.capture.gamma import LEAST_STEPS, few_ratio, harmonic_ratio, linearise, ripple
+from fpputil.capture.faults.consistency import FLICKERS, STEPS, doubled, exchanged, misfits
+from fpputil.capture.faults.gamma import LEAST_STEPS, few_ratio, harmonic_ratio, linearise, ripple
+from fpputil.capture.faults.mounting import (
+    growth,
+    growth_by,
+    heading,
+    local_gradients,
+    way,
+    writing,
+)
 from fpputil.capture.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
-from fpputil.capture.mounting import growth, growth_by, heading, local_gradients, way, writing
 from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import FEW, Reason, parted, start_offsets
