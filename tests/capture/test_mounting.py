@@ -145,6 +145,18 @@ def test_mirrored_photographs_are_named(rig, decoded, shift):
     assert "against those of the system" in result.findings[0].message
 
 
+def test_rows_may_be_photographed_first(rig, decoded):
+    result, view = decoded(rig("small"), rig("small"), patterns=Patterns(PROJECTOR, ROWS + COLUMNS))
+    assert codes(result) == {} and median_error(result, view) < 0.15
+
+
+@pytest.mark.parametrize("system", [None, "right"])
+def test_dark_photographs_are_not_called_mirrored(rig, decoded, system):
+    system = system and rig("small", system)
+    result, _ = decoded(rig("small"), system, "both", change=np.zeros_like)
+    assert codes(result) == {"dark": True}
+
+
 def test_one_axis_in_a_mirror_is_not_measured(rig, decoded):
     result, _ = decoded(rig("small"), rig("small"), change=lambda frame: frame[:, ::-1])
     assert codes(result) == {"mounting": True} and result.points is None

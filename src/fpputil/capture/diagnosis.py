@@ -13,7 +13,15 @@ import numpy as np
 
 from fpputil.capture.gamma import LEAST_STEPS, harmonic_ratio, linearise
 from fpputil.capture.measurement import Measurement
-from fpputil.capture.mounting import growth, growth_by, heading, local_gradients, way, writing
+from fpputil.capture.mounting import (
+    growth,
+    growth_by,
+    heading,
+    local_gradients,
+    sense,
+    way,
+    writing,
+)
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import Reason
 from fpputil.decoding import phase
@@ -210,9 +218,8 @@ def mirrored(column: Measurement, row: Measurement, system: System | None = None
 
     A projector that is turned, or steps that go the other way, do not look like one.
     """
-    turn = np.linalg.det([growth(m, local_gradients(m)) for m in (column, row)])
-    expected = 1.0 if system is None else np.linalg.det(growth_by(system))
-    if not turn * expected < 0:
+    turn = sense([growth(m, local_gradients(m)) for m in (column, row)])
+    if not turn * (1 if system is None else sense(growth_by(system))) < 0:
         return []
     return [_finding("mirrored", against="" if system is None else " against those of the system")]
 
