@@ -52,11 +52,12 @@ def rig(hung):
 def decoded(tmp_path):
     """Function that photographs a sphere by a system and decodes it by another: results, truth."""
 
-    def run(true, system, axes="column", patterns=None, change=lambda frame: frame, **how):
+    def run(true, system, axes="column", patterns=None, change=lambda frame: frame, noise=1, **how):
         view = raycast(sphere(90, (0, 0, 660)), true)
         folder = tmp_path / "shots"
         folder.mkdir(exist_ok=True)
-        for shot, frame in photograph(view, PATTERNS[axes], true, noise=1, ambient=10):
+        shown = replace(patterns or PATTERNS[axes], shift=1)
+        for shot, frame in photograph(view, shown, true, noise=noise, ambient=10):
             write_photograph(folder / shot.file, change(frame))
         how = {"report": False, "pictures": False, "force": True} | how
         result = decode_folder(folder, None, system, patterns=patterns or PATTERNS[axes], **how)
@@ -144,6 +145,18 @@ def test_mirrored_photographs_are_named(rig, decoded, shift):
     assert "against those of the system" in result.findings[0].message
 
 
+def test_rows_may_be_photographed_first(rig, decoded):
+    result, view = decoded(rig("small"), rig("small"), patterns=Patterns(PROJECTOR, ROWS + COLUMNS))
+    assert codes(result) == {} and median_error(result, view) < 0.15
+
+
+@pytest.mark.parametrize("system", [None, "right"])
+def test_dark_photographs_are_not_called_mirrored(rig, decoded, system):
+    system = system and rig("small", system)
+    result, _ = decoded(rig("small"), system, "both", change=np.zeros_like)
+    assert codes(result) == {"dark": True}
+
+
 def test_one_axis_in_a_mirror_is_not_measured(rig, decoded):
     result, _ = decoded(rig("small"), rig("small"), change=lambda frame: frame[:, ::-1])
     assert codes(result) == {"mounting": True} and result.points is None
@@ -197,6 +210,17 @@ def test_points_without_light_of_the_projector_are_told(rig, decoded, tmp_path):
     moved = replace(true, projector=replace(true.projector, K=K))
     found = list(diagnose_points(locate([one], moved), [one], moved))
     assert [(f.code, f.severe) for f in found] == [("beam", True)]
+
+
+def test_noise_alone_does_not_contradict(rig, decoded):
+    """With a long pitch columns and rows part by half a pixel and more."""
+    patterns = Patterns(
+        PROJECTOR, fringe_set((912, 114), 8) + fringe_set((1140, 114), 8, axis="row")
+    )
+    result, _ = decoded(rig("small"), rig("small"), "both", patterns, noise=7.0)
+    assert "apart" not in codes(result)
+    located = locate(result.measurements, rig("small"))
+    assert np.nanmedian(located.miss) > 0.5
 
 
 def test_an_upright_system_does_not_take_a_projector_on_its_head(rig, decoded):

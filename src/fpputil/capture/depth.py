@@ -41,6 +41,7 @@ POINT_FINDINGS = {
 
 SHARE, MOST = 0.05, 0.5  # of the pixels in the mask: told from the one on, an error from the other
 APART, TOO_FAR = 0.5, 0.9  # projector pixels, likewise; steps the other way shift by one
+NOISE = 2.0  # times the standard deviation of columns or rows: less may be chance
 DIFFERENT = 2.0  # projector pixels between column and row, beyond which a point is dropped
 VAGUE, BLIND = 0.005, 0.02  # median uncertainty of the depth, of the measuring range, likewise
 BLUNT = 3.0  # times as many pixels a millimetre by the other axis
@@ -76,6 +77,7 @@ def diagnose_points(
     located: Intersection, measurements: Sequence[Measurement], system: System
 ) -> Iterator[Finding]:
     """What speaks against the points, or against the system that they come of. Chapter 12."""
+    measurements = [m for m in measurements if m.mask.any()]
     mask = np.any([m.mask for m in measurements], axis=0)
     if not mask.any():
         return
@@ -90,8 +92,9 @@ def diagnose_points(
     if share >= SHARE:
         yield _finding("beam", share >= MOST, share=share)
     miss = located.miss[mask][np.isfinite(located.miss[mask])]
-    if miss.size and (apart := float(np.median(miss))) >= APART:
-        yield _finding("apart", apart >= TOO_FAR, apart=apart)
+    noise = max(float(np.median(m.sigma[m.mask])) * m.pitch / TWO_PI for m in measurements)
+    if miss.size and (apart := float(np.median(miss))) >= max(APART, NOISE * noise):
+        yield _finding("apart", apart >= max(TOO_FAR, NOISE * noise), apart=apart)
     if not within.any():
         return
     sigma, span = float(np.median(located.sigma[mask][within])), reach[1] - reach[0]

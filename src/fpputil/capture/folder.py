@@ -206,7 +206,8 @@ def decode_folder(
 
 def _findings(measurements, capture, system) -> tuple[Finding, ...]:
     """What speaks against the phases of all axes; a mirror once, and no direction beside it."""
-    both = mirrored(*measurements, system) if len(measurements) > 1 else []
+    by = {m.axis: m for m in measurements}
+    both = mirrored(by["column"], by["row"], system) if len(by) == 2 else []
     alone = [f for one in measurements for f in diagnose(one, capture, system)]
     return (*both, *(f for f in alone if not (both and f.code in MOUNTED)))
 

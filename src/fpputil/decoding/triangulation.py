@@ -59,7 +59,7 @@ def triangulate(column, system: System, row=None) -> np.ndarray:
     -------
     (H, W, 3) float64 array
         World coordinates, mm; NaN where nothing is known, where ray and plane are parallel, where
-        they meet behind the camera or the projector, or where a lens distorts too much to follow.
+        they meet behind the camera, or where a lens distorts too much to follow.
 
     Examples
     --------
@@ -187,7 +187,7 @@ def _intersect(pixels, light, sigma, system) -> tuple[np.ndarray, ...]:
         z = -_sum(weight * a, b) / _sum(weight * a, a)
         if projector.distortion.any():
             z = _bend(z, A, B, light, weight, projector)
-        z = np.where((z > 0) & np.isfinite(z) & (A[2] * z + B[2] > 0), z, np.nan)
+        z = np.where((z > 0) & np.isfinite(z), z, np.nan)
         lit, rate = _image(A, B, z, projector)
         sigma = np.float32(1 / np.sqrt(_sum(weight * rate, rate)))
     points = camera.centre + z[:, None] * rays

@@ -19,6 +19,14 @@ from fpputil.capture.faults.mounting import (
     growth_by,
     heading,
     local_gradients,
+    sense,
+    way,
+    writing,
+)
+    growth,
+    growth_by,
+    heading,
+    local_gradients,
     way,
     writing,
 )
@@ -363,9 +371,8 @@ def mirrored(column: Measurement, row: Measurement, system: System | None = None
 
     A projector that is turned, or steps that go the other way, do not look like one.
     """
-    turn = np.linalg.det([growth(m, local_gradients(m)) for m in (column, row)])
-    expected = 1.0 if system is None else np.linalg.det(growth_by(system))
-    if not turn * expected < 0:
+    turn = sense([growth(m, local_gradients(m)) for m in (column, row)])
+    if not turn * (1 if system is None else sense(growth_by(system))) < 0:
         return []
     return [_finding("mirrored", against="" if system is None else " against those of the system")]
 

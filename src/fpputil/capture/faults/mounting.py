@@ -77,6 +77,15 @@ def heading(axis: str, grown: np.ndarray, system: System | None = None) -> np.nd
     return np.eye(2)[along] if along == k else None
 
 
+def sense(turn: np.ndarray) -> float:
+    """Positive if column and row grow, (2, 2), as in an upright picture, however turned.
+
+    Negative in a mirror; NaN where nothing is known.
+    """
+    (a, b), (c, d) = turn
+    return float(a * d - b * c)
+
+
 def way(towards) -> str:
     """A direction (u, v) in the picture, in words."""
     across, down = towards
@@ -89,6 +98,6 @@ def writing(system: System) -> str:
     """How a photograph shows writing that the projector of a system projects, in words."""
     turn = growth_by(system)
     text = {"from left to right": "stands upright", "from right to left": "stands on its head"}
-    mirrored = np.linalg.det(turn) < 0
+    mirrored = sense(turn) < 0
     told = text.get(way(turn[0]), "stands on its side")
     return f"{told} and is mirrored" if mirrored else told
