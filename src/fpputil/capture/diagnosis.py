@@ -61,12 +61,12 @@ FINDINGS = {
     ),
     "offset": (
         "the phases of {pair} are apart by {offset:+.2f} of an order everywhere",
-        "{likely}check that both begin with step 0 and have the steps that were projected",
+        "{start}check that both begin with step 0 and have the steps that were projected",
     ),
     "disagree": (
         "the phases of {pair} do not belong together",
-        "{likely}check the pitches, the direction of the shift and the unwrapping; or the noise is "
-        "far too high for these pitches",
+        "{periods}check the pitches, the direction of the shift and the unwrapping; or the noise "
+        "is far too high for these pitches",
     ),
     "saturated": (
         "the camera is saturated at {share:.0%} of the lit pixels",
@@ -185,6 +185,8 @@ def diagnose(measurement: Measurement, capture: Capture) -> list[Finding]:
     ['direction']
     """
     checks = (_relative, _repeated, _frequencies, _code, _offset, _clipping, _response, _light)
+    if not measurement.sample:  # a Gray code alone
+        checks = (_frequencies, _code, _light)
     findings = [finding for check in checks for finding in check(measurement, capture)]
     codes = {finding.code for finding in findings}
     follow = {effect for cause in codes for effect in FOLLOW.get(cause, ())}
@@ -294,15 +296,15 @@ def _code(m, capture) -> Iterator[Finding]:
 def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
     start = likely_start(m, capture.patterns)
-    likely = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
+    start = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
     names = ["the Gray code"] * (m.reading is not None) + [f"pitch {f.pitch:g}" for f in m.fringes]
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
         pair = f"{names[k]} and {names[k + 1]} along the {m.axis}s"
         if sharpness > SURE and abs(offset) > OFFSET:
-            yield _finding("offset", pair=pair, offset=offset, likely=likely)
+            yield _finding("offset", pair=pair, offset=offset, start=start)
         elif sharpness < SURE / 2 and m.lit.any():
             periods = "these look like periods, not pitches (--periods); else "
-            yield _finding("disagree", pair=pair, likely=periods if _look_like_periods(m) else "")
+            yield _finding("disagree", pair=pair, periods=periods if _look_like_periods(m) else "")
 
 
 def _look_like_periods(m: Measurement) -> bool:
@@ -371,7 +373,7 @@ def _light(m, capture) -> Iterator[Finding]:
     contrast = np.median(m.modulation[m.finest][m.lit] / m.average[m.lit]) if lit > 0 else 1.0
     if contrast < 0.3:
         yield _finding("contrast", contrast=contrast)
-    if m.sample and not m.noise.known:
+    if not m.noise.known:
         yield _finding("noise")
 
 
