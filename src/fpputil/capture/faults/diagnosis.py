@@ -23,13 +23,6 @@ from fpputil.capture.faults.mounting import (
     way,
     writing,
 )
-    growth,
-    growth_by,
-    heading,
-    local_gradients,
-    way,
-    writing,
-)
 from fpputil.capture.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.patterns import STARTS, Patterns
@@ -93,12 +86,12 @@ FINDINGS = {
     ),
     "offset": (
         "the phases of {pair} are apart by {offset:+.2f} of an order everywhere{late}",
-        "{likely}check that both begin with step 0 and have the steps that were projected",
+        "{start}check that both begin with step 0 and have the steps that were projected",
     ),
     "disagree": (
         "the phases of {pair} do not belong together",
-        "{likely}check the pitches, the direction of the shift and the unwrapping; or the noise is "
-        "far too high for these pitches",
+        "{periods}check the pitches, the direction of the shift and the unwrapping; or the noise "
+        "is far too high for these pitches",
     ),
     "saturated": (
         "the camera is saturated at {share:.0%} of the lit pixels",
@@ -273,6 +266,8 @@ def diagnose(
     ['direction']
     """
     checks = (_relative, _repeated, _code, _offset, _clipping, _response, _light, _lost)
+    if not measurement.sample:  # a Gray code alone
+        checks = (_code, _light, _lost)
     findings = list(_frequencies(measurement, capture, system))
     findings += [finding for check in checks for finding in check(measurement, capture)]
     findings = [finding for finding in findings if finding.code not in ignored]
@@ -437,7 +432,7 @@ def _code(m, capture) -> Iterator[Finding]:
 def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
     start = likely_start(m, capture.patterns)
-    likely = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
+    start = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
     names = ["the Gray code"] * (m.reading is not None) + [f"pitch {f.pitch:g}" for f in m.fringes]
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
         pair = f"{names[k]} and {names[k + 1]} along the {m.axis}s"
@@ -448,10 +443,10 @@ def _offset(m, capture) -> Iterator[Finding]:
             ]
             late = f"; it looks as if {' or '.join(began)}" if began else ""
             if late or sharpness > SURE:
-                yield _finding("offset", pair=pair, offset=offset, likely=likely, late=late)
+                yield _finding("offset", pair=pair, offset=offset, start=start, late=late)
         elif sharpness < SURE / 2 and m.lit.any():
             periods = "these look like periods, not pitches (--periods); else "
-            yield _finding("disagree", pair=pair, likely=periods if _look_like_periods(m) else "")
+            yield _finding("disagree", pair=pair, periods=periods if _look_like_periods(m) else "")
 
 
 def _look_like_periods(m: Measurement) -> bool:
@@ -585,5 +580,5 @@ def _light(m, capture) -> Iterator[Finding]:
     )
     if contrast < 0.3:
         yield _finding("contrast", contrast=contrast)
-    if m.sample and not m.noise.known:
+    if not m.noise.known:
         yield _finding("noise")
