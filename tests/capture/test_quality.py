@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fpputil.capture.quality import Noise, Reason, fit, judge, noise_of
+from fpputil.capture.faults.curve import fit
+from fpputil.capture.quality import Noise, Reason, judge, noise_of
 from fpputil.decoding import phase
 from fpputil.optics.fringes import Fringe
 
@@ -22,7 +23,7 @@ def photographs(steps, dtype, full, shape=(37, 61)):
 @pytest.mark.parametrize("dtype, full", [(np.uint8, 255), (np.uint16, 4095), (np.float32, 1.0)])
 @pytest.mark.parametrize("steps", [3, 4, 15])
 def test_the_fit_is_that_of_least_squares(steps, dtype, full, shift, monkeypatch):
-    monkeypatch.setattr("fpputil.capture.quality.BLOCK", 2000)  # several blocks of rows
+    monkeypatch.setattr("fpputil.capture.faults.curve.BLOCK", 2000)  # several blocks of rows
     frames = photographs(steps, dtype, full)
     result = fit(frames, Fringe(20, steps), shift, 1.0, full)
     grey = frames.astype(np.float64) * (255 / full)

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,28 +22,17 @@ from fpputil.capture.coding import (
     unwrap_by_code,
 )
 from fpputil.capture.faults.consistency import STEPS, flicker_of
-from fpputil.capture.faults.gamma import (
-    LEAST_STEPS,
-    estimate_gamma,
-    few_ratio,
-    gamma_of_few,
-    gamma_of_plain,
-    harmonic_ratio,
-    linearise,
-)
+from fpputil.capture.faults.curve import LEAST_LIT, Response, blur_of, fit, lit_pixels, response_of
+from fpputil.capture.faults.gamma import LEAST_STEPS, linearise
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import (
     Noise,
     Reason,
-    blur_of,
-    fit,
     judge,
-    left_by,
     noise_of,
     noise_of_curves,
     phase_noise,
-    response_by_curve,
     response_share,
 )
 from fpputil.checks import not_negative
@@ -56,11 +43,7 @@ from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
 SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
-ENOUGH = 600  # pixels of the grid by which a response is told
-LEAST_LIT = 100  # of them
-SEEN = 0.015  # second harmonic over the fringe, from which on a response is looked for
 SHOWN = 2**20  # grey levels of all photographs that a report shows
-LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -277,7 +260,9 @@ def measure(
         )
     spatial = patterns.unwrap == "spatial"
     width = np.inf if spatial else patterns.width(axis)  # of a phase that is no column yet
-    shares = [0.0 if curved else response_share(frames[:, _lit([frames])]) for frames in straight]
+    shares = [
+        0.0 if curved else response_share(frames[:, lit_pixels([frames])]) for frames in straight
+    ]
     reason, sigmas, offsets, sharpness = judge(
         fits, fringes, Phis, variance, threshold, patterns.unwrap, width, shares
     )
@@ -379,14 +364,6 @@ def check_projector(system: System, size: tuple[int, int]) -> None:
         )
 
 
-class Response(NamedTuple):
-    """Through what the light went: `fit` takes gamma and black; `told` says what told it."""
-
-    gamma: float = 1.0
-    black: np.ndarray | float | None = None
-    told: str = ""
-
-
 def _read(capture: Capture, axis: str, gamma, each):
     """Fit of each fringe, its photographs at the pixels of a grid, and the response.
 
@@ -407,63 +384,28 @@ def _read(capture: Capture, axis: str, gamma, each):
         response = Response(gamma, told="the command")
     elif min(f.steps for f in fringes.values()) < LEAST_STEPS:
         tell = {k: f for k, f in fringes.items() if f.steps == most}
-        response = _response([sampled(capture.frames(k)) for k in tell], [*tell.values()], *plain)
+        response = response_of([sampled(capture.frames(k)) for k in tell], [*tell.values()], *plain)
     if black is not None and (response.black is not None or gamma is not None):
-        response = response._replace(black=black)
+        full = None if response.white is None else white
+        response = response._replace(black=black, white=full)
     fits, sample, gains, shown = [], [], [], []
     number = sum(f.steps for f in capture.patterns.fringes)
     every = max(1, math.ceil(math.sqrt(math.prod(capture.size) * number / SHOWN)))
     for k, fringe in fringes.items():
-        frames, how = capture.frames(k), {"black": response.black}
+        frames, how = capture.frames(k), {"black": response.black, "white": response.white}
         sample.append(sampled(frames))
         some = frames[:, ::every, ::every] * np.float32(capture.scale)
         shown.append(np.clip(np.rint(some), 0, WHITE).astype(np.uint8))
-        lit = _lit(sample[-1:])
+        lit = lit_pixels(sample[-1:])
         gains.append(flicker_of(sample[-1][:, lit]))
         if (gains[-1] != 1).any():
             how["gains"] = gains[-1]
         if response.gamma != 1 and response.black is not None and len(lit) >= LEAST_LIT:
             dark = response.black if black is None else plain[1][lit]
-            how["blur"] = blur_of(sample[-1][:, lit], fringe, response.gamma, dark)
+            bright = None if response.white is None else plain[0][lit]
+            how["blur"] = blur_of(sample[-1][:, lit], fringe, response.gamma, dark, bright)
         fits.append(fit(frames, fringe, shift, response.gamma, capture.full, **how))
         del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)
     return fits, sample, gains, shown, response
-
-
-def _response(samples, fringes, white, black) -> Response:
-    """Response of photographs (N, S); linear if it nearly is, or nothing tells.
-
-    The light from elsewhere is added either to that of a power (by the projector), or before it is
-    raised to one (by the camera): without a photograph of it, what fits better is taken.
-    """
-    use = _lit(samples)
-    if len(use) < LEAST_LIT:
-        return Response()
-    samples = [frames[:, use] for frames in samples]
-    white, black = (None if one is None else one[use] for one in (white, black))
-    few = fringes[0].steps < LEAST_STEPS
-    if abs(few_ratio(samples) if few else harmonic_ratio(samples[-1], 2)) < SEEN:
-        return Response()
-    found = []
-    if few and white is not None and black is not None:
-        with suppress(ValueError):  # another light, or too bright
-            gamma = gamma_of_plain(samples, white, black)
-            return Response(gamma, black, "the photographs in plain light and in none")
-    with suppress(ValueError):  # no gamma does it
-        gamma = gamma_of_few(samples) if few else estimate_gamma(samples[-1])
-        found.append(Response(gamma, None, f"the second harmonic of {fringes[0].steps} steps"))
-    gamma, dark = response_by_curve(samples, fringes, black)
-    found.append(Response(gamma, dark, f"the curve of {fringes[0].steps} steps"))
-    best = min(found, key=lambda one: left_by(samples, fringes, one.gamma, one.black))
-    return Response() if abs(np.log(best.gamma)) < LINEAR else best
-
-
-def _lit(samples) -> np.ndarray:
-    """Numbers of some hundred pixels that are well lit in all photographs, and not saturated."""
-    use = np.ones(samples[0].shape[1], bool)
-    for frames in samples:
-        modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
-        use &= (modulation > 2 * phase.THRESHOLD) & (frames.max(axis=0) < 0.99 * WHITE)
-    return np.flatnonzero(use)[:: max(1, use.sum() // ENOUGH)]
