@@ -60,10 +60,13 @@ def surface(points: np.ndarray, max_edge: float = np.inf) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices[used], faces.reshape(-1, 3), process=False)
 
 
-def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = None) -> None:
+def save_ply(
+    path: str | os.PathLike, geometry, colours: np.ndarray | None = None, values: dict | None = None
+) -> None:
     """Write points (P, 3) or a mesh, mm, as binary PLY, whole or not at all.
 
-    `colours`, (P, 3) uint8, are those of the points.
+    `colours`, (P, 3) uint8, are those of the points; `values` by name, (P,) each, stand beside
+    them as properties of their own.
 
     >>> path = getfixture("tmp_path") / "cloud.ply"
     >>> save_ply(path, np.eye(3))
@@ -86,6 +89,7 @@ def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = Non
                 f"{points.shape} points take as many uint8 colours"
             )
         geometry = trimesh.PointCloud(points, colours)
+        geometry.vertex_attributes = {k: np.float32(v) for k, v in (values or {}).items()}
     write_whole(path, geometry.export(file_type="ply"))
 
 
