@@ -51,7 +51,8 @@ def test_depth_points_and_numbers(shot, frames, sphere_view, tiny, capsys):
     assert about["warnings"] == [] and said.err == "" and about["out"] == "out"
     assert sorted(p.name for p in (shot / "out").iterdir()) == NAMES and left(shot) == ["out"]
     with np.load("out/predicted.npz") as found:
-        assert set(found) == {"Phi", "column", "depth", "phi_h", "phi_r", "mask"}
+        maps = {"Phi", "column", "depth", "phi_h", "phi_r", "Phi_error", "depth_error"}
+        assert set(found) == maps | {"mask"}
         mask, depth = found["mask"], found["depth"]
         assert all(found[k].dtype == np.float32 for k in found if k != "mask")
         assert np.isnan(found["Phi"][~mask]).all() and about["mask"] == mask.sum()
@@ -64,6 +65,24 @@ def test_depth_points_and_numbers(shot, frames, sphere_view, tiny, capsys):
     np.testing.assert_allclose(cloud.vertices[:, 2], depth[inside], rtol=1e-6)
     np.testing.assert_array_equal(cloud.colors[:, 0], frames["high"][inside])
     assert about["depth_mm"]["least"] == pytest.approx(580, abs=3)
+
+
+def test_how_far_off_a_point_may_be_is_told_and_limited(shot, sphere_view, tiny, capsys):
+    assert call("high.png", "low.png", more=["--json"]) == 0
+    everything = json.loads(capsys.readouterr().out)["points"]
+    with np.load("out/predicted.npz") as found:
+        told, off = found["depth_error"], np.abs(found["depth"] - sphere_view.depth)
+        seen = found["mask"] & sphere_view.mask
+    assert np.mean((off <= told)[seen]) > 0.9 and 0.05 < np.median(told[seen]) < 5
+    cloud = trimesh.load("out/points.ply", process=False)
+    errors = cloud.metadata["_ply_raw"]["vertex"]["data"]["error"]
+    limit = float(np.quantile(errors, 0.8))
+    assert call("high.png", "low.png", out="fewer", more=["--most", str(limit), "--json"]) == 0
+    fewer = json.loads(capsys.readouterr().out)["points"]
+    assert fewer == (errors <= np.float32(limit)).sum() and 0.75 < fewer / everything < 0.85
+    assert call("high.png", "low.png", out="none", more=["--most", "1e-6"]) != 0
+    said = capsys.readouterr().err
+    assert "no point is known to 1e-06 mm; the best is to" in said and not (shot / "none").exists()
 
 
 def test_every_file_format_gives_the_same(shot, frames, capsys):

@@ -78,8 +78,9 @@ def values(score):
 
 def test_the_truth_has_no_error(small_set, about):
     trained, data = oracle(small_set, about)
-    both, alone = (values(score) for score in evaluate(trained, data))
-    assert set(both) - set(alone) == {"mae_low"}
+    both, told, alone = (values(score) for score in evaluate(trained, data))
+    assert set(both) - set(alone) == set(both) - set(told) == {"mae_low"}
+    assert told["order_errors"] == 0 and told["mae_rad"] < 2e-4
     for name in ("mae_rad", "rmse_rad", "mae_high", "mae_low"):
         assert both[name] < 2e-4, name
     assert both["order_errors"] == 0 and both["no_depth"] == 0
@@ -91,7 +92,7 @@ def test_the_truth_has_no_error(small_set, about):
 
 def test_each_model_is_scored_with_all_its_views(small_set, about):
     trained, data = oracle(small_set, about)
-    both, _ = evaluate(trained, data)
+    both, *_ = evaluate(trained, data)
     models = {int(data[k]["model"]) for k in range(len(data))}
     assert set(both.models) == models and len(models) == 8
     pixels = sum(int(data[k]["mask"].sum()) for k in range(len(data)))
@@ -102,16 +103,17 @@ def test_each_model_is_scored_with_all_its_views(small_set, about):
 def test_errors_are_those_made(small_set, about, split):
     """phi_h 0.1 rad too high: so is Phi. phi_r half a low period off: every order is wrong."""
     trained, data = oracle(small_set, about, split, high=0.1)
-    both, alone = (values(score) for score in evaluate(trained, data))
+    both, told, alone = (values(score) for score in evaluate(trained, data))
     for found in (both["mae_rad"], both["mae_high"], both["rmse_rad"], alone["mae_high"]):
         assert found == pytest.approx(0.1, abs=2e-4)
     assert both["mae_low"] < 2e-4 and both["order_errors"] == 0
     trained, data = oracle(small_set, about, split, low=math.pi / 2)
-    both, alone = (values(score) for score in evaluate(trained, data))
+    both, told, alone = (values(score) for score in evaluate(trained, data))
     assert both["mae_low"] == pytest.approx(math.pi / 2, abs=2e-4)
     assert both["order_errors"] == 1 and both["mae_high"] < 2e-4
     off = both["mae_rad"] / TWO_PI  # about a quarter of 304 / 24 orders
     assert 2.5 < off < 12
+    assert told["mae_rad"] < 0.6 * both["mae_rad"]  # the range holds fewer orders than that
 
 
 def test_views_may_be_chosen(small_set, about):
@@ -126,7 +128,8 @@ def test_views_may_be_chosen(small_set, about):
             np.testing.assert_array_equal(value, truth[name])
         mask = item["mask"]
         np.testing.assert_allclose(one.Phi[mask], item["Phi"][mask], atol=1e-3)
-        assert {a.shape for a in (one.phi_h, one.phi_r, one.Phi, one.Phi_from_one)} == {(120, 160)}
+        Phis = (one.Phi, one.Phi_in_range, one.Phi_from_one)
+        assert {a.shape for a in (one.phi_h, one.phi_r, *Phis)} == {(120, 160)}
         assert one.Phi.dtype == np.float32
     assert len(list(predictions(trained, data))) == 16  # two whole batches
     assert len(evaluate(trained, data, views=chosen)[0].models) == 3

@@ -21,7 +21,7 @@ SIZE = (5, 7)
 
 def rig_of(Phi_min):
     lowest = {"zmin": torch.as_tensor(Phi_min, dtype=torch.float32)}
-    return Geometry(None, PITCHES, lowest, None, (0.0, 255.0))
+    return Geometry(None, PITCHES, lowest, None, (0.0, 255.0), None)
 
 
 GEOMETRY = rig_of(np.random.default_rng(9).uniform(-1, 3, SIZE))

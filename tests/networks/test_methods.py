@@ -1,6 +1,7 @@
 """SFNet and its rivals: each has inputs, targets, losses and a way to the phase of its own."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,6 +35,8 @@ ALL = {
     "sido": SIDOMethod(**SMALL),
     "sido, no plane": SIDOMethod(plane=False, **SMALL),
     "psnet": PSNetMethod(**SMALL),
+    "psnet, fringe": PSNetMethod(errors="fringe", unit_step=4, **SMALL),
+    "sido, fringe": SIDOMethod(errors="fringe", phase_weight=4.0, **SMALL),
     "dlalnet": DLALNetMethod(**SMALL),
     "dlalnet, losses of sfnet": DLALNetMethod(weights=Weights(order=False), **SMALL),
 }
@@ -61,7 +64,10 @@ def ideal(method, batch, geometry):
 
     def steps(name, number):
         delta = TWO_PI * torch.arange(number)[:, None, None] / number
-        grey = batch["modulation"][:, None] * (1 + (phis[name][:, None] + delta).cos())
+        fringe = (phis[name][:, None] + delta).cos()
+        if method.errors == "fringe":  # the same at every pixel, dim or bright
+            return fringe
+        grey = batch["modulation"][:, None] * (1 + fringe)
         return (grey - geometry.extremes[0]) / (geometry.extremes[1] - geometry.extremes[0])
 
     if isinstance(method, SIDOMethod):
@@ -110,6 +116,45 @@ def test_nothing_outside_the_mask_reaches_a_loss(small_set, method):
     assert (images[outside] == 0).all() and (images[batch["mask"]] != 0).any()
 
 
+@each
+def test_the_range_mends_every_order_that_lies_outside_it(small_set, method):
+    """And no right one is lost: ideal outputs stay as they are, wild ones end in the range."""
+    geometry, batch = batch_of(small_set, method)
+    outputs, mask = ideal(method, batch, geometry), batch["mask"]
+    off = (method.phase_in_range(outputs, geometry) - batch["Phi"])[mask].abs()
+    assert off.max() < 2e-3
+    wild = outputs.clone()
+    wild[:, 1:] = wild[:, 1:].flip(-1)  # the second phases are those of other places
+    Phi, phi_h = method.phase_in_range(wild, geometry), method.phases(wild)[0]
+    low, high = (end.expand(mask.shape)[mask] for end in geometry.Phi_range)
+    assert (Phi[mask] > low - 1.001 * math.pi).all() and (Phi[mask] < high + 1.001 * math.pi).all()
+    assert (Phi - phi_h)[mask].cos().min() > 1 - 1e-6  # moved by whole orders alone
+    outside = (method.absolute_phase(wild, geometry)[mask] < low - math.pi).any()
+    assert outside or method.reference in ("refined", "zmin", "mid")
+
+
+@pytest.mark.parametrize("name", ["sfnet", "sido", "psnet", "dlalnet"])
+@pytest.mark.parametrize("option", ["normalised", "coordinates"])
+def test_what_every_method_may_have_besides(small_set, name, option):
+    plain_one = ALL[name]
+    method = replace(plain_one, **{option: True})
+    geometry, batch = batch_of(small_set, method)
+    seen, before = (one.inputs(batch["frames"], geometry) for one in (method, plain_one))
+    outputs = network(method)(seen)
+    assert outputs.shape == network(plain_one)(before).shape
+    assert method_of(plain(settings_of(method))) == method
+    if option == "normalised":  # a brighter image of a batch changes no other
+        other = seen.clone()
+        other[1] *= 2
+        torch.testing.assert_close(network(method)(other)[0], outputs[0])
+        return
+    encoders = 2 if name in ("sfnet", "psnet") else 1
+    added = seen.shape[1] - before.shape[1]
+    assert added == 2 * encoders
+    corners = seen[0, :, [0, 0, -1], [0, -1, 0]].tolist()
+    assert corners.count([-1, 1, -1]) == corners.count([-1, -1, 1]) == encoders  # column, row
+
+
 def changed(batch, name, channel=None):
     """The batch with one of its images turned a little."""
     other = {k: v.clone() for k, v in batch.items()}
@@ -127,10 +172,10 @@ HIGH, MID, ZMIN, UNIT = range(4)
         ("M", HIGH, ALL.keys()),
         ("M", MID, {"sfnet, mid", "dlalnet", "dlalnet, losses of sfnet"}),
         ("M", ZMIN, {"sfnet, zmin"}),
-        ("M", UNIT, {"sfnet, unit", "psnet", "dlalnet", "dlalnet, losses of sfnet"}),
+        ("M", UNIT, {k for k in ALL if k.startswith(("psnet", "dlalnet"))} | {"sfnet, unit"}),
         ("M_r", None, {"sfnet", "sfnet, 3 frames"}),
         ("modulation", None, {"sido", "sido, no plane", "psnet"}),
-        ("Phi", None, {*(k for k in ALL if "sf" in k), "sido", "sido, no plane"}),
+        ("Phi", None, {k for k in ALL if "sf" in k or "sido" in k}),
         ("phi_r", None, set()),
         ("depth", None, set()),
     ],
@@ -151,6 +196,7 @@ def test_each_method_sees_photographs_of_its_own():
     assert seen["sfnet, mid"] == (high, mid) and seen["sfnet, unit"] == (high, unit)
     assert seen["sido"] == seen["sido, no plane"] == (high,)
     assert seen["psnet"] == (high, unit) and seen["dlalnet"] == (high, mid, unit)
+    assert seen["psnet, fringe"] == (high, ("unit", 15, 4))
 
 
 def outputs_differ(method, batch, geometry, photograph):
@@ -270,7 +316,7 @@ def test_it_learns_and_is_measured_as_it_was_saved(small_set, tmp_path, name):
     assert history[-1]["total"] < history[0]["total"]
     trained = load_weights(tmp_path / "weights.safetensors")
     assert trained.method == method
-    both, alone = evaluate(trained, open_split(trained, small_set, "test"))
+    both, told, alone = evaluate(trained, open_split(trained, small_set, "test"))
     measures = both.summary()
     assert ("mae_low" in measures) == (method.reference is not None)
     assert 0 < measures["mae_high"][0] < math.pi

@@ -41,18 +41,29 @@ def evaluate(
     save: Annotated[Path | None, option("Write one view as points into this .ply file.")] = None,
     view: Annotated[int, option("Which, counted in the split.")] = 0,
     json: Annotated[bool, option("Keep the numbers in a .json file beside WEIGHTS.")] = False,
+    uncertainty: Annotated[
+        bool, option("Keep there, too, how large errors are where phases disagree.")
+    ] = False,
 ) -> None:
     """Measure a trained network.
 
-    Errors over a split with 95 % intervals (bootstrap over models), beside the control of one
-    photograph: the same phi_h, without phi_r, with the minimum phase at the high pitch.
+    Errors over a split with 95 % intervals (bootstrap over models): as the paper of the method
+    decodes it; told the measuring range; and the control of one photograph, the same phi_h,
+    without phi_r, with the minimum phase at the high pitch.
     Millimetres count only where a projector column moves by more than 0.1 pixel a mm.
+
+    With --uncertainty the validation split tells how large errors are where the two phases
+    disagree; it is kept for `fpp predict` and judged on this split: how many errors are as small
+    as told, and how small those are that stay when the most doubtful are left out.
     """
     from fpputil.learning.devices import device_of, hardware, precision_of
     from fpputil.learning.evaluation import save_points
     from fpputil.learning.loaders import spread
+    from fpputil.learning.uncertainty import Pixels, calibrate, keep
     from fpputil.learning.weights import write_metrics
 
+    if uncertainty and not json:
+        raise ValueError("--uncertainty without --json given; it is kept in the file of --json")
     if json and (noise, gain, gamma, texture) != (0, 1, 1, 0):
         raise ValueError("--json with another camera given; it keeps the dataset's own alone")
     trained = learning.load_weights(weights)
@@ -68,19 +79,40 @@ def evaluate(
         print(f"{number} points of view {int(item['index'])} in {save}")
     which = spread(opened, len(opened) if views is None else views)
     how |= {"workers": workers, "progress": True}
-    scores = learning.evaluate(trained, opened, views=which, **how)
-    both, alone = (score.summary(seed) for score in scores)
+    pixels = Pixels(trained)
+    each = pixels.add if uncertainty else None
+    scores = learning.evaluate(trained, opened, each, views=which, **how)
+    summaries = [score.summary(seed) for score in scores]
     print(f"{split}: {len(which)} views of {len(scores[0].models)} models")
-    print(f"{'':32}{'with phi_r':>34}{'phi_h alone':>34}")
+    print(f"{'':32}{'as its paper decodes':>34}{'range given':>34}{'phi_h alone':>34}")
     for name, key, unit, scale in ROWS:
-        cells = [_cell(measures.get(key), scale) for measures in (both, alone)]
-        print(f"{name + ', ' + unit:32}{cells[0]:>34}{cells[1]:>34}")
+        cells = (_cell(measures.get(key), scale) for measures in summaries)
+        print(f"{name + ', ' + unit:32}{''.join(f'{cell:>34}' for cell in cells)}")
     if json:
         where = device_of(device)
         numbers = {"data": opened.store.name, "views": len(which), "camera": camera, "seed": seed}
         numbers |= {"precision": precision_of(precision, where), "hardware": hardware(where)}
-        numbers |= {"two photographs": both, "one photograph": alone}
+        names = ("two photographs", "range given", "one photograph")
+        numbers |= dict(zip(names, summaries, strict=True))
+        if uncertainty:
+            told = calibrate(trained, learning.open_split(trained, data, "validation"), **how)
+            keep(weights, trained, told)
+            numbers["uncertainty"] = _judged(told, pixels)
         print(f"kept in {write_metrics(weights, trained, split, numbers)}")
+
+
+def _judged(told, pixels) -> dict:
+    """Print and return how true an `Uncertainty` is."""
+    from fpputil.learning.uncertainty import judge
+
+    found = judge(told, *pixels.together)
+    for share in (68, 95):
+        covered = found[f"coverage_{share}"]
+        print(f"as small as told should be {share} % of the errors, and are {covered:.1%}")
+    print("kept        " + "".join(f"{share:>9.0%}" for share in found["kept"]))
+    for name in ("mae", "mae_best", "order_errors"):
+        print(f"{name:12}" + "".join(f"{value:9.4f}" for value in found[name]))
+    return found
 
 
 def _cell(measure, scale) -> str:

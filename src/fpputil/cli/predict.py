@@ -21,7 +21,7 @@ from fpputil.cli.options import (
 )
 
 FILES = ("predicted.npz", "points.ply", "predicted.png")
-ARRAYS = ("Phi", "column", "depth", "phi_h", "phi_r", "mask")
+ARRAYS = ("Phi", "column", "depth", "phi_h", "phi_r", "mask", "Phi_error", "depth_error")
 OUTSIDE = 0.05  # of the pixels with fringes may lie outside the measuring range without a word
 
 
@@ -36,6 +36,7 @@ def predict(
     precision: Precision = "auto",
     full: Full = None,
     channel: Channel = "grey",
+    most: Annotated[float | None, option("Leave out points that may be off by more mm.")] = None,
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -44,27 +45,40 @@ def predict(
     Photographs in the order in which the network wants them: of SFNet that of the high pitch, then
     that of its reference's (a wrong number is answered by what is wanted). PNG, BMP, TIFF, NPY,
     PGM, JPEG; colours become grey, and how many bits there are in 16, or whether floats reach to
-    1, is told by the greatest level of all photographs, or by --full. Writes
-    predicted.npz (Phi, column, depth, phi_h, phi_r: float32, NaN outside mask), points.ply (within
-    the measuring range, in the first photograph's grey) and predicted.png.
+    1, is told by the greatest level of all photographs, or by --full. Writes predicted.npz (Phi,
+    column, depth, phi_h, phi_r, Phi_error, depth_error: float32, NaN outside mask), points.ply
+    (within the measuring range, in the first photograph's grey, each with its error) and
+    predicted.png. Of the errors 95 % stay below those told, where the JSON beside WEIGHTS says how
+    to tell (`fpp evaluate --uncertainty` finds it); they are NaN otherwise.
 
     The mask is a guess: so few photographs do not tell what is lit. It takes pixels around which
     crests and troughs of the photographs differ by more than 16 grey levels of 255. Shadows
     narrower than 1.25 periods are taken in, and rims are uncertain by half a period. A network
-    answers everywhere, right or wrong, and does not say how sure it is: what is unlike its
-    training is warned of, and the exit code stays 0.
+    answers everywhere, right or wrong: what is unlike its training is warned of, and the exit
+    code stays 0.
     """
     import numpy as np
 
+    from fpputil.checks import positive
     from fpputil.files import folder_whole, write_arrays, write_whole
 
     trained, rig = learning.load_weights(weights), optics.load_system(system)
     frames, notes = _frames(photo, full, channel)
     shots = learning.check_photographs(trained, frames, rig)
-    warnings = _warn(notes + learning.warnings(shots))
+    warnings, told = _warn(notes + learning.warnings(shots)), learning.uncertainty_of(weights)
+    if most is not None and told is None:
+        raise ValueError(
+            f"--most {most:g} given, and nothing beside {weights} tells how far off a point may "
+            "be; `fpp evaluate --json --uncertainty` finds it on a dataset"
+        )
     with folder_whole(out, "fpp predict", force, [*photo, weights]) as folder:
-        result = learning.predict(trained, shots, device, precision)
+        result = learning.predict(trained, shots, device, precision, told)
         inside = np.isfinite(result.points).all(axis=-1)
+        if most is not None:
+            inside &= result.depth_error <= positive("most", most, "mm")
+            if not inside.any():
+                best = np.nanmin(result.depth_error)
+                raise ValueError(f"no point is known to {most:g} mm; the best is to {best:.2g} mm")
         depths = np.percentile(result.depth[inside], [0, 50, 100]).tolist()
         pixels, mask, points = result.mask.size, int(result.mask.sum()), int(inside.sum())
         if (outside := 1 - points / mask) > OUTSIDE:
@@ -74,7 +88,8 @@ def predict(
         write_arrays(folder / FILES[0], {name: getattr(result, name) for name in ARRAYS})
         grey = np.rint(shots.frames[0].clip(0, 255)).astype(np.uint8)
         colours = np.repeat(grey[inside][:, None], 3, axis=1)
-        decoding.save_ply(folder / FILES[1], decoding.point_cloud(result.points), colours)
+        cloud, error = result.points[inside], {"error": result.depth_error[inside]}
+        decoding.save_ply(folder / FILES[1], cloud, colours, error if told else None)
         write_whole(folder / FILES[2], _picture(shots.frames, result))
     if json:
         numbers = {"pixels": pixels, "mask": mask, "points": points}

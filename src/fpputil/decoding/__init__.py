@@ -21,6 +21,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "geometric_constraint": [
             "depth_range",
             "minimum_phase",
+            "phase_range",
             "refined_reference",
             "two_phase_absolute",
             "zmin_order",

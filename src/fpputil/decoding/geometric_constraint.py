@@ -46,23 +46,37 @@ def minimum_phase(
     >>> bool(0 < (phi - Phi_min)[60, 80] < 2 * np.pi)
     True
     """
-    positive("pitch", pitch, "projector pixels")
-    columns = [system.columns_at(z) for z in (system.z_min, system.z_max)]
-    lit = np.clip(columns, -0.5, system.projector.width - 0.5)  # what the projector can light
-    near, far = TWO_PI * lit / pitch
-    span = np.abs(far - near)
-    if np.isnan(span).all():
-        raise ValueError(
-            f"measuring range {system.z_min} to {system.z_max} mm given; no ray of the camera is "
-            "in front of the projector at both ends"
-        )
+    lower, upper = phase_range(system, pitch)
+    span = upper - lower
     if not ambiguous and np.nanmax(span) >= TWO_PI:
         raise ValueError(
             f"measuring range {system.z_min} to {system.z_max} mm given; at pitch {pitch} it spans "
             f"{np.nanmax(span) / TWO_PI:.2f} periods, and the minimum phase needs less than one"
         )
-    lower = np.fmin(near, far)
     return lower - np.maximum(TWO_PI - span, 0) / 2 if centred else lower
+
+
+def phase_range(system: System, pitch: float) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest absolute phase within the measuring range. Chapter 5.
+
+    (H, W) each, radians, of the part of the range that the projector can light; NaN where a ray
+    of the camera is behind the projector at one end. ValueError if all are.
+
+    >>> from fpputil.optics import preset
+    >>> low, high = phase_range(preset("tiny").system, 24)
+    >>> float(((high - low) / (2 * np.pi))[60, 80].round(2))  # orders that a point may have
+    3.62
+    """
+    positive("pitch", pitch, "projector pixels")
+    columns = [system.columns_at(z) for z in (system.z_min, system.z_max)]
+    lit = np.clip(columns, -0.5, system.projector.width - 0.5)
+    low, high = np.sort(TWO_PI * lit / pitch, axis=0)
+    if np.isnan(high - low).all():
+        raise ValueError(
+            f"measuring range {system.z_min} to {system.z_max} mm given; no ray of the camera is "
+            "in front of the projector at both ends"
+        )
+    return low, high
 
 
 def depth_range(system: System, pitch: float, z: float) -> np.ndarray:

@@ -161,10 +161,13 @@ def typical_edge(points: np.ndarray) -> float:
     return float(np.nanmedian(np.concatenate(steps)))
 
 
-def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = None) -> None:
+def save_ply(
+    path: str | os.PathLike, geometry, colours: np.ndarray | None = None, values: dict | None = None
+) -> None:
     """Write points (P, 3) or a mesh with its normals, mm, as binary PLY, whole or not at all.
 
-    `colours`, (P, 3) uint8, are those of the points.
+    `colours`, (P, 3) uint8, are those of the points; `values` by name, (P,) each, stand beside
+    them as properties of their own.
 
     >>> path = getfixture("tmp_path") / "cloud.ply"
     >>> save_ply(path, np.eye(3))
@@ -187,6 +190,7 @@ def save_ply(path: str | os.PathLike, geometry, colours: np.ndarray | None = Non
                 f"{points.shape} points take as many uint8 colours"
             )
         geometry = trimesh.PointCloud(points, colours)
+        geometry.vertex_attributes = {k: np.float32(v) for k, v in (values or {}).items()}
     normals = {"vertex_normal": True} if isinstance(geometry, trimesh.Trimesh) else {}
     write_whole(path, geometry.export(file_type="ply", **normals))
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.experiments.error_analysis import ErrorAnalysis
+from fpputil.experiments.statistics import IN_RANGE
 from fpputil.files import write_arrays
-from fpputil.learning.evaluation import evaluate, open_split
+from fpputil.learning.evaluation import Scores, evaluate, open_split
 from fpputil.learning.loaders import spread
 from fpputil.learning.metrics import Score
 from fpputil.learning.weights import Trained
@@ -22,6 +23,7 @@ PICTURES = 6  # test views whose errors are kept pixel by pixel
 SPLITS = ("test", "held-out")
 CONDITIONS = {
     "as trained": {},
+    "noise 2": {"noise": 2.0},
     "noise 4": {"noise": 4.0},
     "noise 8": {"noise": 8.0},
     "gamma 0.8": {"gamma": 0.8},
@@ -35,6 +37,7 @@ changes the photographs alone: mask and truth stay those of the full exposure.""
 
 CONDITION_VIEWS = 100
 KINDS = ("rad", "mm", "order", "spike", "high", "low")
+FEW_KINDS = ("rad", "mm", "order")
 """Kinds of errors of which number, sum of ``|e|`` and sum of squares are kept for each model."""
 
 
@@ -54,8 +57,9 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
     -------
     dict
         splits ("test", "held-out") and conditions (`CONDITIONS`, on some test views), each as
-        `scored`. The splits also have alone, the measures without the second phase; the test
-        split has inspection, the `ErrorAnalysis.sums` of each model.
+        `scored`, and once more with `IN_RANGE` after its name. The splits also have alone, the
+        measures without the second phase; the test split has inspection, the
+        `ErrorAnalysis.sums` of each model.
     """
     splits = {split: open_split(trained, data, split) for split in SPLITS}
     test, analyses, errors, truth = splits["test"], defaultdict(ErrorAnalysis), {}, {}
@@ -69,8 +73,9 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
 
     result = {"splits": {}, "conditions": {}}
     for split, views in splits.items():
-        both, alone = evaluate(trained, views, keep if split == "test" else None, **loading)
-        result["splits"][split] = {**scored(both, len(views)), "alone": alone.summary()}
+        scores = evaluate(trained, views, keep if split == "test" else None, **loading)
+        result["splits"] |= both(split, scores, len(views))
+        result["splits"][split]["alone"] = scores.alone.summary()
     result["splits"]["test"]["inspection"] = [a.sums() for a in analyses.values()]
     write_arrays(pictures, errors)
     if not (beside := pictures.with_name(VIEWS)).is_file():  # every run has the same
@@ -81,14 +86,19 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         surface, seen = copy(test), copy(test)  # the same views, photographed otherwise
         surface.texture = seen.texture = options.get("texture", 0.0)
         seen.augmentation = Augmentation(**camera)
-        both, _ = evaluate(trained, seen, truth=surface, views=few, **loading)
-        result["conditions"][name] = scored(both, len(few))
+        scores = evaluate(trained, seen, None, surface, few, control=False, **loading)
+        result["conditions"] |= both(name, scores, len(few), FEW_KINDS)
     return result
 
 
-def scored(score: Score, views: int) -> dict:
-    """Measures (of `Score.summary`), models, sums by kind (`KINDS`) and model, and views."""
+def both(name: str, scores: Scores, views: int, kinds=KINDS) -> dict[str, dict]:
+    """A part as the paper of the method decodes it, and with the measuring range given."""
+    parts = {name: (scores.decoded, kinds), name + IN_RANGE: (scores.in_range, FEW_KINDS)}
+    return {key: scored(*part, views) for key, part in parts.items()}
+
+
+def scored(score: Score, kinds, views: int) -> dict:
+    """Measures (of `Score.summary`), models, sums by kind and model, and views."""
     models = list(score.models.values())
-    sums = {k: [m[k][1:4].tolist() for m in models] for k in KINDS if k in models[0]}
-    measures = score.summary()
-    return {"measures": measures, "models": list(score.models), "sums": sums, "views": views}
+    sums = {k: [m[k][1:4].tolist() for m in models] for k in kinds if k in models[0]}
+    return {"measures": score.summary(), "models": list(score.models), "sums": sums, "views": views}

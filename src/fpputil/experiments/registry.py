@@ -42,6 +42,10 @@ and "small" are for two cores."""
 WIDTHS = {"sfnet": 2, "sido": 2.5, "psnet": 2, "dlalnet": 3}
 """Channels of the finest level, in parts, that give all methods about as many parameters."""
 
+UNIT_STEP = 4
+"""Step of PSNet's unit pitch: a quarter period before the objects, which stand about the middle of
+the projector, so that they lie on a flank of the fringe."""
+
 PLAIN = Weights(consistency=0, geometric=0, order=False)
 CONSISTENCY, GEOMETRIC = ("1e-1", "1e-2", "1e-3"), ("1e-5", "1e-6", "1e-7")
 _BY_WEIGHTS = {(c, g): f"sfnet-{c}-{g}" for c in CONSISTENCY for g in GEOMETRIC}
@@ -53,18 +57,26 @@ ROWS = {
     5: {"1 + 1": "sfnet", "2 + 2": "sfnet-2-frames", "3 + 3": "sfnet-3-frames"},
     6: {f"{c}, {g}": name for (c, g), name in _BY_WEIGHTS.items()},
     "ours": {
+        "best": "best",
         "losses as printed": "sfnet-printed",
         "joined at every level": "sfnet-every-level",
+        "row B, joined at every level": "sfnet-b-every-level",
         "reference unrefined": "sfnet-zmin",
         "reference at pitch 114": "sfnet-mid",
         "reference at pitch 912": "sfnet-unit",
+        "PSNet, errors in fringes": "psnet-fringe",
+        "the same, unit pitch at step 4": "psnet-step-4",
+        "the same, normalised": "psnet-normalised",
+        "SIDO, errors in fringes": "sido-fringe",
         "SIDO without the plane": "sido-no-plane",
         "DLALNet, SFNet's losses": "dlalnet-losses",
+        "DLALNet, normalised": "dlalnet-normalised",
     },
 }
 """Name of the run of each row of each table; "ours" are rows that the paper does not have."""
 
 SEEDS = {name: (0, 1, 2) for table in (3, 4) for name in ROWS[table].values()}
+SEEDS |= dict.fromkeys(("best", "sfnet-every-level", "sfnet-b-every-level"), (0, 1, 2))
 """Seeds of the runs that have more than seed 0."""
 
 SCENES = 14_400
@@ -72,8 +84,8 @@ SCENES = 14_400
 
 LEARNING_RATES = (1e-3, 2e-3, 4e-3)  # where the best lies at an end, the search goes on there
 
-SEARCHED = (*METHODS, "sfnet-a", "sfnet-b", "sfnet-printed", "dlalnet-losses")
-"""Runs that a learning rate is searched for; other runs of SFNet and SIDO take theirs."""
+SEARCHED = (*METHODS, "sfnet-printed", "dlalnet-losses")
+"""Runs that a learning rate is searched for; other runs of a method take that of its own."""
 
 SEARCH_CONFIG = replace(
     TRAINING["tiny"].budget, epochs=1, training_views=2400, learning_rate=LEARNING_RATES[0]
@@ -145,9 +157,11 @@ def methods(preset: str) -> dict[str, Method]:
     plain = {k: kind(base=sized(k, how.size), levels=how.levels) for k, kind in METHODS.items()}
     weights = Weights(order=False)
     sfnet = replace(plain["sfnet"], weights=weights)
+    fringe = replace(plain["psnet"], errors="fringe")
     return {
         **plain,
         "sfnet": sfnet,
+        "best": replace(sfnet, mixing="every level", reference="mid"),
         "sfnet-a": replace(sfnet, mixing="none", weights=PLAIN),
         "sfnet-b": replace(sfnet, weights=PLAIN),
         **{f"sfnet-{n}-frames": replace(sfnet, frames=n) for n in (2, 3)},
@@ -157,8 +171,14 @@ def methods(preset: str) -> dict[str, Method]:
         },
         "sfnet-printed": replace(sfnet, weights=Weights()),
         "sfnet-every-level": replace(sfnet, mixing="every level"),
+        "sfnet-b-every-level": replace(sfnet, mixing="every level", weights=PLAIN),
         **{f"sfnet-{k}": replace(sfnet, reference=k) for k in ("zmin", "mid", "unit")},
+        "psnet-fringe": fringe,
+        "psnet-step-4": replace(fringe, unit_step=UNIT_STEP),
+        "psnet-normalised": replace(fringe, normalised=True),
+        "sido-fringe": replace(plain["sido"], errors="fringe"),
         "sido-no-plane": replace(plain["sido"], plane=False),
+        "dlalnet-normalised": replace(plain["dlalnet"], normalised=True),
         "dlalnet-losses": replace(plain["dlalnet"], weights=replace(weights, mean=True)),
     }
 
@@ -180,6 +200,7 @@ def experiments(preset: str) -> dict[str, Experiment]:
         name: Experiment(method, name if name in SEARCHED else name.partition("-")[0])
         for name, method in methods(preset).items()
     }
+    runs["best"] = replace(runs["best"], kind="sfnet")
     for seed in (1, 2):
         runs |= {seeded_name(name, seed): replace(runs[name], seed=seed) for name in SEEDS}
     return runs

@@ -19,7 +19,7 @@ from fpputil.checks import anything, finite, natural, not_negative, one_line, or
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.dataset.store import open_store
 from fpputil.experiments import statistics, tables
-from fpputil.experiments.assessment import CONDITIONS, SPLITS, TRUTH, VIEWS, assess
+from fpputil.experiments.assessment import SPLITS, TRUTH, VIEWS, assess
 from fpputil.experiments.error_analysis import FORM as ANALYSIS
 from fpputil.experiments.error_analysis import ErrorAnalysis
 from fpputil.experiments.learning_rate import best_learning_rate, read_rates, read_stored
@@ -62,8 +62,8 @@ FORM = {
     "seconds": not_negative,
     "hardware": {...: anything},
     "history": [{...: or_null(finite)}],
-    "splits": {"test": TEST, "held-out": PART},
-    "conditions": dict.fromkeys(CONDITIONS, PART),
+    "splits": {"test": TEST, "held-out": PART, ...: PART},
+    "conditions": {...: PART},
     ...: anything,
 }
 """Of the result of a run; `STORED` of what tells one from others."""
@@ -189,8 +189,7 @@ def make_run(
 ) -> Run:
     """Make a run of `experiments`, or go on with it, unless it is finished.
 
-    It leaves NAME.json, NAME.npz (errors of some views) and NAME.png (its curve) in the folder of
-    the preset.
+    It leaves NAME.json and NAME.npz (errors of some views) in the folder of the preset.
 
     Parameters
     ----------
@@ -234,7 +233,6 @@ def make_run(
                 # By default where `fit` trains; the precision is alike on every device.
                 loading = {"device": None, **how, "precision": "float32"}
                 record |= assess(trained, data, path.with_suffix(".npz"), **loading)
-                write_whole(path.with_suffix(".png"), (folder / "curve.png").read_bytes())
                 write_whole(path, f"{json.dumps(short(record), separators=(',', ':'))}\n".encode())
     except Timeout:
         raise BlockingIOError(f"another process is making the run {name}") from None

@@ -30,6 +30,9 @@ MEASURES = {
 }
 """Kind of the sums of each measure, and whether it is a root of squares."""
 
+IN_RANGE = ", range given"
+"""After the name of a part: the same views, with the measuring range given to every method."""
+
 Spread = dict[str, tuple[float, int]]
 """By method: standard deviation that a seed gives a measure, in parts of it; degrees of freedom."""
 
@@ -129,17 +132,23 @@ def interval(values: np.ndarray, by_seeds: float, freedom: float) -> Interval:
     return Interval(float(values[0]), float(values[0] - half), float(values[0] + half))
 
 
-def measures_of(runs: Sequence, spreads: Mapping[str, Spread]) -> dict[str, Interval]:
-    """Each of `MEASURES` that a row has; `seed_variation` of each is given."""
-    draws = {m: bootstrap(runs, m) for m in MEASURES if _has(runs[0], m)}
+def measures_of(
+    runs: Sequence, spreads: Mapping[str, Spread], part: str = "test"
+) -> dict[str, Interval]:
+    """Each of `MEASURES` that a row has in a part; `seed_variation` of each is given.
+
+    Runs that lack the part do not count; nothing is told if all do.
+    """
+    runs = [run for run in runs if part in run.parts]
+    draws = {m: bootstrap(runs, m, part) for m in MEASURES if runs and _has(runs[0], m, part)}
     return {
         measure: interval(values, *seed_error([(runs, values[0])], spreads[measure]))
         for measure, values in draws.items()
     }
 
 
-def _has(run, measure: str) -> bool:
-    return MEASURES[measure][0] in run.parts["test"].sums
+def _has(run, measure: str, part: str = "test") -> bool:
+    return MEASURES[measure][0] in run.parts[part].sums
 
 
 def difference(a: Sequence, b: Sequence, spread: Spread, measure="mae_rad") -> Interval:

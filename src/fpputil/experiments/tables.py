@@ -9,7 +9,7 @@ from scipy.stats import kendalltau
 
 from fpputil.experiments import statistics
 from fpputil.experiments.registry import ROWS
-from fpputil.experiments.statistics import MEASURES, Interval, seeds_of
+from fpputil.experiments.statistics import IN_RANGE, MEASURES, Interval, seeds_of
 from fpputil.notebook import Table
 
 PAPER = {
@@ -32,6 +32,8 @@ PAPER = {
 }
 """MAE and RMSE in rad, MAE and RMSE in mm, as printed in the paper, by name of the run."""
 
+PRINTED = ("mae_rad", "rmse_rad", "mae_mm", "rmse_mm")
+
 COLUMNS = {
     "mae_rad": ("MAE, rad", 1, 4),
     "rmse_rad": ("RMSE, rad", 1, 3),
@@ -40,7 +42,15 @@ COLUMNS = {
     "order_errors": ("orders, %", 100, 2),
     "spikes": ("spikes, %", 100, 2),
 }
-"""Title of each measure that is printed, what it is multiplied with, decimals."""
+RANGE_COLUMNS = {
+    "mae_rad": ("MAE in range, rad", 1, 4),
+    "order_errors": ("orders in range, %", 100, 2),
+    "mae_mm": ("MAE in range, mm", 1, 2),
+    "rmse_mm": ("RMSE in range, mm", 1, 1),
+}
+"""Title of each measure that is printed, what it is multiplied with, decimals: of phases as the
+paper of a method decodes them, and of a method that is told the measuring range. Beside the
+latter's millimetres the former's, of points that may lie kilometres away, say nothing."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,7 @@ class Row:
     name: str  # of its run
     seeds: int  # how many runs it is the mean of
     measures: dict[str, Interval]  # each of `MEASURES` that it has
+    in_range: dict[str, Interval]  # those with the measuring range given, {} if not measured
     difference: Interval | None  # MAE in radians above that of the row of SFNet
     paper: tuple[float, ...] | None  # what the paper prints
 
@@ -76,28 +87,37 @@ def table(number: int | str, runs: Mapping, seeded: Mapping | None = None) -> li
             pair = reference and name != "sfnet"
             apart = statistics.difference(row, reference, spreads["mae_rad"]) if pair else None
             measures = statistics.measures_of(row, spreads)
-            rows.append(Row(label, name, len(row), measures, apart, PAPER.get(name)))
+            told = statistics.measures_of(row, spreads, "test" + IN_RANGE)
+            rows.append(Row(label, name, len(row), measures, told, apart, PAPER.get(name)))
     return rows
 
 
 def as_table(rows: Sequence[Row], control: Mapping | None = None) -> Table:
     """Ours with half its interval, the paper's values below, row by row.
 
-    At the end the control: measures of phi_h of SFNet alone, as ``run.alone.measures`` has them.
+    Where all rows were measured with the range given, too, those measures follow, millimetres
+    among them. At the end the control: measures of phi_h of SFNet alone, as
+    ``run.alone.measures`` has them.
     """
+    told = all(row.in_range for row in rows)
+    own = {k: how for k, how in COLUMNS.items() if not (told and k.endswith("mm"))}
+    columns = [*own.items(), *(RANGE_COLUMNS.items() if told else ())]
     lines = []
     for row in rows:
-        lines.append([row.label, str(row.seeds), *_cells(row.measures)])
+        cells = _cells(row.measures, own) + _cells(row.in_range, RANGE_COLUMNS if told else {})
+        lines.append([row.label, str(row.seeds), *cells])
         if row.paper:
-            printed = [f"{x:.4f}" for x in row.paper]
-            lines.append([f"{row.label} in the paper", "", *printed, "", ""])
+            printed = dict(zip(PRINTED, (f"{x:.4f}" for x in row.paper), strict=True))
+            cells = [printed.pop(key, "") for key, _ in columns]
+            lines.append([f"{row.label} in the paper", "", *cells])
     if control:
-        lines.append(["phi_h alone", "", *_cells(control)])
-    return Table(["", "seeds", *(title for title, *_ in COLUMNS.values())], lines)
+        blank = [""] * (len(columns) - len(own))
+        lines.append(["phi_h alone", "", *_cells(control, own), *blank])
+    return Table(["", "seeds", *(title for _, (title, *_) in columns)], lines)
 
 
-def _cells(measures: Mapping) -> list[str]:
-    return [_plus_minus(measures[key], *how) for key, (_, *how) in COLUMNS.items()]
+def _cells(measures: Mapping, columns: Mapping = COLUMNS) -> list[str]:
+    return [_plus_minus(measures[key], *how) for key, (_, *how) in columns.items()]
 
 
 def _plus_minus(measure: Sequence, scale: float, decimals: int) -> str:

@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "log": ["plot_log", "read_log"],
         "metrics": ["Score", "errors", "spikes"],
         "evaluation": ["Prediction", "evaluate", "open_split", "predict_batch", "predictions"],
+        "uncertainty": ["Uncertainty", "calibrate", "doubt", "judge", "uncertainty_of"],
         "prediction": ["check_photographs", "expected_photographs", "predict", "warnings"],
     },
 )

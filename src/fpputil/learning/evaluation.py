@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -17,7 +18,7 @@ from fpputil.decoding.pointcloud import save_ply
 from fpputil.decoding.triangulation import column, triangulate
 from fpputil.learning.devices import PRECISIONS, device_of, forward, precision_of
 from fpputil.learning.loaders import closing, loader_options
-from fpputil.learning.metrics import Score, errors
+from fpputil.learning.metrics import Score, errors, limits
 from fpputil.learning.weights import Trained, check_rig
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.targets import true_reference
@@ -31,15 +32,28 @@ class Prediction:
     """What a network makes of one view: (H, W) float32 phases, radians.
 
     Wrapped phase phi_h of the high pitch; phi_r, the second wrapped phase, which the method names,
-    of SFNet the refined reference, or None; absolute phase Phi of the high pitch; Phi_from_one,
-    the same from phi_h alone: the control of one photograph. The network saw both, and phi_h has
-    gained by it.
+    of SFNet the refined reference, or None; absolute phase Phi of the high pitch, as the paper of
+    the method decodes it; Phi_in_range, the same by `Method.phase_in_range`, told the measuring
+    range as every other method is; Phi_from_one, the same from phi_h alone: the control of one
+    photograph. The network saw both, and phi_h has gained by it.
     """
 
     phi_h: np.ndarray
     phi_r: np.ndarray | None
     Phi: np.ndarray
+    Phi_in_range: np.ndarray
     Phi_from_one: np.ndarray
+
+
+class Scores(NamedTuple):
+    """Scores of what a network makes of its photographs, by how Phi is decoded.
+
+    As the paper of the method decodes it; told the measuring range; from phi_h alone.
+    """
+
+    decoded: Score
+    in_range: Score
+    alone: Score
 
 
 def moved(
@@ -75,7 +89,9 @@ def predict_batch(
         raise ValueError("photographs with NaN or infinite pixels given; photograph again")
     outputs = forward(trained.network, method.inputs(frames, geometry), precision)
     phi_h, phi_r = method.phases(outputs)
-    maps = (phi_h, phi_r, method.absolute_phase(outputs, geometry), geometry.from_one_phase(phi_h))
+    decodings = (method.absolute_phase, method.phase_in_range)
+    Phis = [decoded(outputs, geometry) for decoded in decodings]
+    maps = (phi_h, phi_r, *Phis, geometry.from_one_phase(phi_h))
     arrays = ([None] * len(frames) if m is None else m.cpu().numpy() for m in maps)
     return [Prediction(*maps) for maps in zip(*arrays, strict=True)]
 
@@ -137,9 +153,10 @@ def evaluate(
     each: Callable | None = None,
     truth: SynthFringe | None = None,
     views: Sequence[int] | None = None,
+    control: bool = True,
     **how,
-) -> tuple[Score, Score]:
-    """Scores over a split of `open_split`: of the network, and of its phi_h without its phi_r.
+) -> Scores:
+    """Scores over a split of `open_split`.
 
     Parameters
     ----------
@@ -148,23 +165,29 @@ def evaluate(
     truth : SynthFringe, optional
         The same split, whose masks and phases count in place of those of `data`: where only the
         photographs are to differ.
+    control : bool
+        Whether to score phi_h alone, too.
     views, **how
         Options of `predictions`.
     """
-    both, alone = Score(), Score()
+    scores = Scores(Score(), Score(), Score())
     system, pitch = data.store.system, data.pitches.high
     views = range(len(data)) if views is None else views
     answers = predictions(trained, data, views=views, **how)
     for view, (item, prediction) in zip(views, answers, strict=True):
         if truth is not None:
             item = {k: v.numpy() for k, v in truth[view].items()}
-        true = item | {"phi_r": true_reference(trained.method, item)}
+        true = item | {"phi_r": true_reference(trained.method, item)} | limits(item, system)
         model, phi_h, phi_r = int(item["model"]), prediction.phi_h, prediction.phi_r
-        both.add(model, errors(prediction.Phi, phi_h, phi_r, true, system, pitch))
-        alone.add(model, errors(prediction.Phi_from_one, phi_h, None, true, system, pitch))
+        scores.decoded.add(model, errors(prediction.Phi, phi_h, phi_r, true, system, pitch))
+        others = [(scores.in_range, prediction.Phi_in_range)]
+        if control:
+            others.append((scores.alone, prediction.Phi_from_one))
+        for score, Phi in others:
+            score.add(model, errors(Phi, phi_h, None, true, system, pitch))
         if each is not None:
             each(item, prediction)
-    return both, alone
+    return scores
 
 
 def save_points(path: str | Path, item: dict, prediction: Prediction, data: SynthFringe) -> int:

@@ -72,9 +72,10 @@ def errors(Phi, phi_h, phi_r, truth: dict, system: System, pitch: float) -> dict
         insensitive (P,) bool, the others; order, spike, own_spike (P,) bool, wrong fringe orders,
         spikes, spikes of the truth; high, low (P,) errors of the wrapped phases.
     """
-    mask = truth["mask"]
+    if "sensitive" not in truth:
+        truth = truth | limits(truth, system)
+    mask, sensitive = truth["mask"], truth["sensitive"]
     rad = Phi[mask] - truth["Phi"][mask]
-    sensitive = mask & (system.columns_per_mm(truth["depth"]) > LEAST_SENSITIVITY)
     depth = depth_of(triangulate(column(np.where(mask, Phi, np.nan), pitch), system), system)
     values = {
         "rad": rad,
@@ -82,13 +83,23 @@ def errors(Phi, phi_h, phi_r, truth: dict, system: System, pitch: float) -> dict
         "insensitive": ~sensitive[mask],
         "order": ~(np.abs(rad) <= math.pi),  # no phase is no right order
         "spike": spikes(Phi, mask),
-        "own_spike": spikes(truth["Phi"], mask),
+        "own_spike": truth["own_spike"],
     }
     if phi_h is not None:
         values["high"] = wrap(phi_h - truth["Phi"])[mask]
     if phi_r is not None:
         values["low"] = wrap(phi_r - truth["phi_r"])[mask]
     return values
+
+
+def limits(truth: dict, system: System) -> dict[str, np.ndarray]:
+    """What `errors` asks of the truth alone, to be joined to it where it serves several times.
+
+    sensitive (H, W) bool: pixels whose depths count; own_spike (P,) bool: spikes of the truth.
+    """
+    mask = truth["mask"]
+    sensitive = mask & (system.columns_per_mm(truth["depth"]) > LEAST_SENSITIVITY)
+    return {"sensitive": sensitive, "own_spike": spikes(truth["Phi"], mask)}
 
 
 @dataclass(eq=False)

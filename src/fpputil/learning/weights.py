@@ -33,6 +33,9 @@ RIG = {"pitches": PITCHES, "camera": (one_or_more, one_or_more), "extremes": (fi
 METRICS = {"metrics": {...: {...: anything}}, ...: anything}
 """Form of the file beside weights."""
 
+FOUND = ("uncertainty", "metrics")
+"""What is measured later than the weights."""
+
 
 @dataclass(frozen=True, eq=False)
 class Trained:
@@ -134,24 +137,38 @@ def write_metrics(path: str | Path, trained: Trained, split: str, measures: dict
     NaN, for what could not be measured, becomes null. Returns the JSON file; ValueError if `path`
     is no longer the file of these weights.
     """
-    beside = _name(path).with_suffix(".json")
-    if checksum(load_weights(path).network) != checksum(trained.network):
-        raise ValueError(f"{path} is no longer the network that was measured; nothing is recorded")
-    metrics = (read_metrics(path) if beside.exists() else {}) | {split: short(measures)}
-    metadata = {"method": settings_of(trained.method), **trained.metadata, "metrics": metrics}
-    write_whole(beside, f"{json.dumps(metadata, indent=1)}\n".encode())
-    return beside
+    metrics = read_beside(path).get("metrics", {}) | {split: short(measures)}
+    return write_beside(path, trained, metrics=metrics)
 
 
 def read_metrics(path: str | Path) -> dict[str, dict]:
     """What `write_metrics` wrote beside weights, by split."""
+    if not (stored := read_beside(path)).get("metrics"):
+        beside = _name(path).with_suffix(".json")
+        raise FileNotFoundError(f"{beside} is not there; measure first: fpp evaluate {path} --json")
+    return stored["metrics"]
+
+
+def read_beside(path: str | Path) -> dict:
+    """The JSON beside weights: metrics, uncertainty, what is known of them; {} if there is none."""
     beside = _name(path).with_suffix(".json")
     if not beside.is_file():
-        raise FileNotFoundError(f"{beside} is not there; measure first: fpp evaluate {path} --json")
+        return {}
     try:
-        return read_json(beside, METRICS, "metrics of weights")["metrics"]
+        return read_json(beside, METRICS, "metrics of weights")
     except ValueError as error:
         raise ValueError(f"{error}; remove it") from error
+
+
+def write_beside(path: str | Path, trained: Trained, **found) -> Path:
+    """Write values by name into the JSON beside weights, others that were found there kept."""
+    if checksum(load_weights(path).network) != checksum(trained.network):
+        raise ValueError(f"{path} is no longer the network that was measured; nothing is recorded")
+    kept = {"metrics": {}} | {k: v for k, v in read_beside(path).items() if k in FOUND}
+    metadata = {"method": settings_of(trained.method), **trained.metadata, **kept, **found}
+    beside = _name(path).with_suffix(".json")
+    write_whole(beside, f"{json.dumps(metadata, indent=1)}\n".encode())
+    return beside
 
 
 def short(value):

@@ -19,15 +19,22 @@ NAMES = ("high", "mid", "unit")
 class DLALNet(nn.Module):
     """One encoder, one decoder, three pitches at once. Section 6.2 of the paper; chapter 9.
 
-    Options as of `SFNet`.
+    `extra` channels go in beside the photographs. Other options as of `SFNet`.
 
     >>> DLALNet(base=2, levels=2)(torch.zeros(1, 3, 12, 16)).shape
     torch.Size([1, 3, 2, 12, 16])
     """
 
-    def __init__(self, base: int = 8, levels: int = 6, dropout: float = 0.1):
+    def __init__(
+        self,
+        base: int = 8,
+        levels: int = 6,
+        dropout: float = 0.1,
+        normalised: bool = False,
+        extra: int = 0,
+    ):
         super().__init__()
-        self.net = UNet(3, (6,), base, levels, dropout)
+        self.net = UNet(3 + extra, (6,), base, levels, dropout, normalised)
         self.frames = self.net.frames
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -40,18 +47,22 @@ class DLALNetMethod(Method):
     """DLALNet: step 0 at the high, mid and unit pitch, each to its M and D.
 
     Without `weights` its loss is the plain squared error, as in the paper; with them it is SFNet's.
+    Options of the network as of `SFNet`, coordinates as of `Method`.
     """
 
     base: int = 12
     levels: int = 6
     dropout: float = 0.1
     weights: Weights | None = None
+    normalised: bool = False
+    coordinates: bool = False
 
     photographs: ClassVar[tuple[Frame, ...]] = tuple((name, STEPS, 0) for name in NAMES)
     reference: ClassVar[str] = "unit"
 
     def network(self) -> nn.Module:
-        return DLALNet(self.base, self.levels, self.dropout)
+        extra = 2 * self.coordinates
+        return DLALNet(self.base, self.levels, self.dropout, self.normalised, extra)
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi of the high and of the unit pitch, radians, of outputs (B, 3, 2, ...) (Eq. 3)."""
@@ -61,6 +72,12 @@ class DLALNetMethod(Method):
     def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
         """Phi of the high pitch, radians, by three-frequency unwrapping (Eq. 4-7)."""
         return geometry.from_frequencies(_wrapped(outputs))
+
+    def phase_in_range(self, outputs: Tensor, geometry: Geometry) -> Tensor:
+        phis = _wrapped(outputs)
+        by_mid = geometry.absolute_phase(phis["high"], phis["mid"], geometry.Phi_min["mid"], "mid")
+        Phi = torch.where(geometry.named_by_range("mid"), by_mid, geometry.from_frequencies(phis))
+        return geometry.confined(Phi)
 
     def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
         """Mean squared error of M and D, or the losses of SFNet, (B,) each."""

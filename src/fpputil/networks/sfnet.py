@@ -9,7 +9,7 @@ from fpputil.checks import whole
 from fpputil.decoding.phase import wrapped_phase
 from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Pixels, Weights
-from fpputil.networks.targets import Method, true_reference
+from fpputil.networks.targets import Method, placed, true_reference
 from fpputil.networks.unet import (
     Decoder,
     Encoder,
@@ -48,6 +48,8 @@ class SFNet(nn.Module):
         the "deepest" level (as the paper's text has it), or of both at "every level".
     outputs : int
         Channels each decoder ends in: 2 for M and D, 1 for a phase predicted directly.
+    normalised : bool
+        Whether group normalisation follows each convolution: ours.
 
     Examples
     --------
@@ -64,6 +66,7 @@ class SFNet(nn.Module):
         dropout: float = 0.1,
         mixing: str = "deepest",
         outputs: int = 2,
+        normalised: bool = False,
     ):
         super().__init__()
         self.frames = tuple(whole("frames", n, 1) for n in frames)
@@ -73,9 +76,10 @@ class SFNet(nn.Module):
         widths = widths_of(base, levels)
         bottom = widths[-1] * (1 if mixing == "none" else 2)
         skips = [w * (2 if mixing == "every level" else 1) for w in widths[:-1]]
-        self.encoders = nn.ModuleList(Encoder(n, widths) for n in self.frames)
+        self.encoders = nn.ModuleList(Encoder(n, widths, normalised) for n in self.frames)
         self.dropout = dropout_of(dropout)
-        self.decoders = nn.ModuleList(Decoder(bottom, widths, skips, outputs) for _ in range(2))
+        options = (bottom, widths, skips, outputs, normalised)
+        self.decoders = nn.ModuleList(Decoder(*options) for _ in range(2))
         initialise(self)
 
     def forward(self, frames: Tensor) -> Tensor:
@@ -112,8 +116,10 @@ class SFNetMethod(Method):
     ----------
     frames : int
         Photographs of each pitch: 1, 2 or 3 (Table 5).
-    base, levels, dropout, mixing
+    base, levels, dropout, mixing, normalised
         Of `SFNet`.
+    coordinates : bool
+        As of `Method`.
     target : str
         "components" M and D, as in the paper, or the "phase" itself.
     reference : str
@@ -138,6 +144,8 @@ class SFNetMethod(Method):
     target: str = "components"
     reference: str = "refined"
     weights: Weights = field(default_factory=Weights)
+    normalised: bool = False
+    coordinates: bool = False
 
     def __post_init__(self):
         if self.frames not in SHIFTS:
@@ -161,8 +169,12 @@ class SFNetMethod(Method):
 
     def network(self) -> nn.Module:
         outputs = 2 if self.target == "components" else 1
-        pair = (self.frames, self.frames)
-        return SFNet(pair, self.base, self.levels, self.dropout, self.mixing, outputs)
+        pair = (self.frames + 2 * self.coordinates,) * 2
+        options = (self.levels, self.dropout, self.mixing, outputs, self.normalised)
+        return SFNet(pair, self.base, *options)
+
+    def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
+        return placed(frames, encoders=2) if self.coordinates else frames
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
         """phi_h and phi_r, radians, of outputs (B, 2, 2 or 1, ...), each (B, ...) (Eq. 3)."""
@@ -173,6 +185,12 @@ class SFNetMethod(Method):
     def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
         """Phi of the high pitch, radians, (B, H, W)."""
         return self._absolute_phase(*self.phases(outputs), geometry)
+
+    def phase_in_range(self, outputs: Tensor, geometry: Geometry) -> Tensor:
+        phi_h, phi = self.phases(outputs)
+        name = SECOND[self.reference]
+        Phi = geometry.absolute_phase(phi_h, phi, geometry.Phi_min[name], name)
+        return geometry.confined(Phi)
 
     def _absolute_phase(self, phi_h, phi, geometry: Geometry, mask=None) -> Tensor:
         """Phi of wrapped phases (B, H, W), or (P,) of the pixels of a mask (B, H, W)."""

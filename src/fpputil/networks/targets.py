@@ -21,8 +21,10 @@ class Method(Protocol):
         What is photographed, as `SynthFringe` names it.
     reference : str or None
         Frequency of the second wrapped phase, "refined" for the refined reference.
-    base, levels, dropout
+    base, levels, dropout, normalised
         Of its network.
+    coordinates : bool
+        Whether each encoder sees where in the picture a pixel is, too: ours.
     """
 
     photographs: tuple[Frame, ...]
@@ -30,6 +32,8 @@ class Method(Protocol):
     base: int
     levels: int
     dropout: float
+    normalised: bool
+    coordinates: bool
 
     def __post_init__(self):
         widths_of(self.base, self.levels)  # before any memory is taken for the network
@@ -40,7 +44,7 @@ class Method(Protocol):
 
     def inputs(self, frames: Tensor, geometry: Geometry) -> Tensor:
         """What the network sees of photographs (B, F, H, W): those, if nothing else is said."""
-        return frames
+        return placed(frames) if self.coordinates else frames
 
     def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
         """Losses of each image by name, (B,) each; "total" is the one to minimise."""
@@ -49,7 +53,38 @@ class Method(Protocol):
         """Wrapped phases (B, ...) of its outputs, radians: of the high pitch, of `reference`."""
 
     def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
-        """Phi of the high pitch, radians, (B, H, W)."""
+        """Phi of the high pitch, radians, (B, H, W), as the paper of the method decodes it."""
+
+    def phase_in_range(self, outputs: Tensor, geometry: Geometry) -> Tensor:
+        """Phi of the high pitch, radians, (B, H, W), of a method that is told the measuring range.
+
+        Its order is confined to the range, and where the range is shorter than a period of
+        another pitch, the minimum phase unwraps the shortest such pitch: alike for all methods.
+        """
+        return geometry.confined(self.absolute_phase(outputs, geometry))
+
+
+def placed(frames: Tensor, encoders: int = 1) -> Tensor:
+    """Photographs (B, F, H, W), those of each encoder followed by column and row, -1 to 1.
+
+    >>> placed(torch.zeros(1, 2, 3, 4), encoders=2).shape
+    torch.Size([1, 6, 3, 4])
+    """
+    batch, _, height, width = frames.shape
+    row, column = (torch.linspace(-1, 1, n, device=frames.device) for n in (height, width))
+    where = torch.stack([column.expand(height, width), row[:, None].expand(height, width)])
+    where = where.expand(batch, 2, height, width)
+    return torch.cat([torch.cat([part, where], 1) for part in frames.chunk(encoders, 1)], 1)
+
+
+def fringes_of(batch: dict, name: str, steps: int, geometry: Geometry | None = None) -> Tensor:
+    """Fringes of all steps of a frequency, (B, steps, H, W), -1 to 1 wherever it is lit (Eq. 1).
+
+    With M and D of unit length step n is ``D cos(delta_n) + M sin(delta_n)``.
+    """
+    delta = TWO_PI * torch.arange(steps, device=batch["M"].device)[:, None, None] / steps
+    at = FREQUENCIES.index(name)
+    return batch["D"][:, [at]] * delta.cos() + batch["M"][:, [at]] * delta.sin()
 
 
 def noiseless(batch: dict, name: str, steps: int, geometry: Geometry) -> Tensor:
@@ -64,6 +99,16 @@ def noiseless(batch: dict, name: str, steps: int, geometry: Geometry) -> Tensor:
     M, D, modulation = batch["M"][:, [at]], batch["D"][:, [at]], batch["modulation"][:, None]
     low, high = geometry.extremes
     return (modulation * (1 + D * delta.cos() + M * delta.sin()) - low) / (high - low)
+
+
+TARGETS = {"grey": noiseless, "fringe": fringes_of}
+"""What comes out of a method that predicts photographs, by what its errors count in."""
+
+
+def check_errors(name: str) -> None:
+    """ValueError unless it is a name of `TARGETS`."""
+    if name not in TARGETS:
+        raise ValueError(f"errors {name!r} given; one of {', '.join(TARGETS)} is needed")
 
 
 def true_reference(method, item: dict):

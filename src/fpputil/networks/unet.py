@@ -8,21 +8,30 @@ from torch import Tensor, nn
 
 from fpputil.checks import not_negative, whole
 
+GROUP = 4  # channels that are normalised together
 
-def convolutions(before: int, after: int) -> nn.Sequential:
-    """Two 3 x 3 convolutions with zero padding and ReLU, between so many channels."""
-    pairs = ((before, after), (after, after))
-    layers = [[nn.Conv2d(i, o, 3, padding=1), nn.ReLU(inplace=True)] for i, o in pairs]
-    return nn.Sequential(*sum(layers, []))
+
+def convolutions(before: int, after: int, normalised: bool = False) -> nn.Sequential:
+    """Two 3 x 3 convolutions with zero padding and ReLU, between so many channels.
+
+    `normalised`, each is followed by group normalisation, which no other image of a batch changes.
+    """
+    layers = []
+    for channels in (before, after):
+        layers.append(nn.Conv2d(channels, after, 3, padding=1))
+        if normalised:
+            layers.append(nn.GroupNorm(max(1, after // GROUP), after))
+        layers.append(nn.ReLU(inplace=True))
+    return nn.Sequential(*layers)
 
 
 class Encoder(nn.Module):
     """Pairs of convolutions with max-pooling between them, to `widths` channels, finest first."""
 
-    def __init__(self, frames: int, widths: Sequence[int]):
+    def __init__(self, frames: int, widths: Sequence[int], normalised: bool = False):
         super().__init__()
-        before = (frames, *widths[:-1])
-        self.levels = nn.ModuleList(map(convolutions, before, widths))
+        pairs = zip((frames, *widths[:-1]), widths, strict=True)
+        self.levels = nn.ModuleList(convolutions(*pair, normalised) for pair in pairs)
 
     def forward(self, x: Tensor) -> list[Tensor]:
         """Features of every level, finest first: (B, widths[k], H / 2^k, W / 2^k)."""
@@ -40,12 +49,20 @@ class Decoder(nn.Module):
     join at each level but the deepest, `outputs` of the last, 1 x 1 convolution; finest first.
     """
 
-    def __init__(self, bottom: int, widths: Sequence[int], skips: Sequence[int], outputs: int):
+    def __init__(
+        self,
+        bottom: int,
+        widths: Sequence[int],
+        skips: Sequence[int],
+        outputs: int,
+        normalised: bool = False,
+    ):
         super().__init__()
-        below = (*widths[1:-1], bottom)
-        up = [nn.ConvTranspose2d(b, w, 2, stride=2) for b, w in zip(below, widths, strict=False)]
-        self.up = nn.ModuleList(up)
-        self.levels = nn.ModuleList(convolutions(w + s, w) for w, s in zip(widths, skips))  # noqa: B905
+        below, widths = (*widths[1:-1], bottom), widths[:-1]
+        pairs = zip(below, widths, strict=True)
+        self.up = nn.ModuleList(nn.ConvTranspose2d(b, w, 2, stride=2) for b, w in pairs)
+        pairs = zip(widths, skips, strict=True)
+        self.levels = nn.ModuleList(convolutions(w + s, w, normalised) for w, s in pairs)
         self.out = nn.Conv2d(widths[0], outputs, 1)
 
     def forward(self, x: Tensor, features: Sequence[Tensor]) -> Tensor:
@@ -66,14 +83,23 @@ class UNet(nn.Module):
     [(1, 6, 12, 16), (1, 1, 12, 16)]
     """
 
-    def __init__(self, frames: int, outputs: Sequence[int], base: int, levels: int, dropout: float):
+    def __init__(
+        self,
+        frames: int,
+        outputs: Sequence[int],
+        base: int,
+        levels: int,
+        dropout: float,
+        normalised: bool = False,
+    ):
         super().__init__()
         self.frames = (whole("frames", frames, 1),)
         widths = widths_of(base, levels)
-        self.encoder = Encoder(frames, widths)
+        self.encoder = Encoder(frames, widths, normalised)
         self.dropout = dropout_of(dropout)
         self.decoders = nn.ModuleList(
-            Decoder(widths[-1], widths, widths[:-1], whole("outputs", n, 1)) for n in outputs
+            Decoder(widths[-1], widths, widths[:-1], whole("outputs", n, 1), normalised)
+            for n in outputs
         )
         initialise(self)
 
