@@ -85,7 +85,7 @@ def view():
 
 
 MF, MW = ("mf", (912, 114, 19)), ("mw", [912 / n for n in (64, 63, 56)])
-BEGUN = [(*one, start) for one in (MF, MW) for start in ("sine", -120, "black")] + [(*MF, 30)]
+BEGUN = [(*one, start) for one in (MF, MW) for start in ("sine", -120, "black")]
 
 
 @pytest.mark.parametrize("unwrap, pitches, start", BEGUN, ids=[f"{u} {s}" for u, _, s in BEGUN])
@@ -194,6 +194,18 @@ def test_a_wider_projector_is_asked_for_and_the_start_taken_beside_a_file(tmp_pa
     capsys.readouterr()
     assert main([*words, *files, "--pitches", "1824", "114", "19"]) == 1
     assert "give --projector WIDTHxHEIGHT" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("steps", [3, 4, 6, 8])
+@pytest.mark.parametrize("rolled", [912, 114, 19])
+def test_one_pitch_that_begins_with_another_step_is_not_taken_for_a_start_of_all(
+    tmp_path, view, rolled, steps
+):
+    patterns = replace(EIGHT, fringes=fringe_set((912, 114, 19), steps), files="{pitch}-{step}.npy")
+    fringes = (replace(f, start=2 * np.pi / steps * (f.pitch == rolled)) for f in patterns.fringes)
+    shown = replace(patterns, fringes=tuple(fringes))
+    findings = diagnose(*taken(tmp_path, view, shown, given=patterns, noise=1.0))
+    assert not any("--start" in f.remedy for f in findings)
 
 
 @pytest.mark.parametrize("periods", [(64, 63, 56), (70, 64, 59)])

@@ -120,8 +120,7 @@ FINDINGS = {
     "lost": ("{share:.0%} of the lit pixels are left out: {why}", "{remedy}"),
     "orders": (
         "the order is a guess at {share:.0%} of the lit pixels",
-        "take more steps at the long pitches, a pitch between two that are far apart, or a "
-        "complementary Gray code",
+        "take more steps at the long pitches, or a pitch between two that are far apart{coded}",
     ),
     "levels": (
         "the grey levels reach {most:g}, so the photographs are taken for {said}, saturated at "
@@ -433,9 +432,10 @@ def _offset(m, capture) -> Iterator[Finding]:
     """Pitches that disagree by the same share everywhere, or everywhere differently."""
     start = likely_start(m, capture.patterns)
     start = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
-    names = ["the Gray code"] * (m.reading is not None) + [f"pitch {f.pitch:g}" for f in m.fringes]
-    for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True)):
-        pair = f"{names[k]} and {names[k + 1]} along the {m.axis}s"
+    coded = m.reading is not None
+    for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True), -coded):
+        first = _fringe(m, k) if k >= 0 else f"the Gray code along the {m.axis}s"
+        pair = f"{first} and pitch {m.fringes[k + 1].pitch:g}"
         if abs(offset) > OFFSET and sharpness > SURE / 2:
             began = [
                 f"pitch {m.fringes[j].pitch:g} began with step {step}"
@@ -459,7 +459,7 @@ def _look_like_periods(m: Measurement) -> bool:
 
 
 def likely_start(m: Measurement, patterns: Patterns) -> str:
-    """Name or degrees of the start of all fringes that explains the offsets, "" if none does."""
+    """The usual start of all fringes that explains the offsets between them, "" if none does."""
     clear = m.sharpness > SURE
     if not clear.any() or any(f.start for f in m.fringes):
         return ""
@@ -469,12 +469,9 @@ def likely_start(m: Measurement, patterns: Patterns) -> str:
         offsets = start_offsets(pitches, patterns.unwrap, width, degrees / 360)
         return np.abs((m.offsets - offsets + 0.5) % 1 - 0.5)[clear].max()
 
-    named = [*STARTS.items(), *((str(d), d) for d in (90, 120, -120))]
-    if names := [name for name, degrees in named if miss(degrees) < FITS]:
-        return " or ".join(names)
-    degrees = [d for d in range(-179, 181) if miss(d) < FITS]
-    alone = degrees and max(degrees) - min(degrees) < 36  # and not one of several
-    return str(min(degrees, key=miss)) if alone else ""
+    # Others than the usual ones would also explain a single pitch that begins with another step.
+    usual = [*STARTS.items(), *((str(d), d) for d in (90, 120, -120))]
+    return " or ".join(name for name, degrees in usual if miss(degrees) < FITS)
 
 
 def _late(m, patterns) -> list[tuple[int, int]]:
@@ -569,7 +566,8 @@ def _light(m, capture) -> Iterator[Finding]:
     """Orders that are a guess; too little light, contrast, or steps to tell the noise."""
     lit, unsure = m.lit.mean(), _share(m, Reason.UNSURE)
     if unsure > SHARE:
-        yield _finding("orders", unsure >= 0.5, share=unsure)
+        coded = "" if m.reading is None else "; or show the complementary code"
+        yield _finding("orders", unsure >= 0.5, share=unsure, coded=coded)
     level = float(np.median(m.modulation.min(axis=0)[m.lit])) if lit > 0 else 0.0
     if lit < 0.02 or level < 20 and _share(m, Reason.SATURATED) < 0.5:
         yield _finding("dark", severe=not m.mask.any(), lit=lit, level=level)
