@@ -100,3 +100,12 @@ def test_the_noise_is_found_as_a_line_over_the_grey_level():
             assert noise.variance(grey) == pytest.approx(2 + 0.03 * grey, rel=0.1)
     assert not noise_of([rng.uniform(0, 255, (3, 4000))], 8).known
     assert Noise(0, 0, True).variance(5) == pytest.approx(1 / 12)
+
+
+@pytest.mark.parametrize("steps", [5, 6, 8, 12])
+def test_a_response_is_not_taken_for_noise(steps):
+    """Its harmonics of more than half the steps alias to the highest one that is looked at."""
+    rng = np.random.default_rng(0)
+    turn = rng.uniform(-np.pi, np.pi, 20000) + 2 * np.pi * np.arange(steps)[:, None] / steps
+    frames = 10 + 200 * ((1 + np.cos(turn)) / 2) ** 0.5 + rng.standard_normal(turn.shape)
+    assert noise_of([frames], 8).variance(120) == pytest.approx(1, abs=0.35)

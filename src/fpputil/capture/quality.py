@@ -119,13 +119,20 @@ def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
     use = (2 / steps * np.abs(spectrum[1]) > threshold) & (frames.max(axis=0) < 0.99 * WHITE)
     highest = (steps - 1) // 2
     if highest > 1:
-        return 2 / steps * (spectrum[highest] * turn.conj() ** highest).imag ** 2, use
+        out = (spectrum[highest] * turn.conj() ** highest).imag
+        for times in (steps, 2 * steps):  # harmonics N - k, N + k ... of a response look like k
+            out = _without(out, np.abs(spectrum[1]) * (turn**times).imag)
+        return 2 / steps * out**2, use
     if steps == 4:
         cosine, second = (turn**2).real, spectrum[2].real
-        along = np.abs(spectrum[1]) * cosine
-        second = second - along * ((along @ second) / max(along @ along, 1e-9))
+        second = _without(second, np.abs(spectrum[1]) * cosine)
         return second**2 / 4, use & (np.abs(cosine) < IN_STEP)
     return np.zeros(frames.shape[1]), np.zeros(frames.shape[1], bool)
+
+
+def _without(values, along):
+    """Values less what of them goes with others, (S,) both."""
+    return values - along * ((along @ values) / max(along @ along, 1e-9))
 
 
 def _line(points) -> Noise:
@@ -189,12 +196,10 @@ def judge(
     finest = int(np.argmin(pitches))
     column = Phis[finest] * np.float32(pitches[finest] / TWO_PI)
     good, guard = reason[few] == Reason.GOOD, 0.0
-    if good.any():
+    if good.any():  # columns at either border that noise may throw to the other (chapter 4)
         typical = [float(np.median(sigma[few][good])) for sigma in sigmas]
         guard = _guard(pitches, typical, method, width)
-    if guard and method == "mf":  # columns at either border that noise may throw to the other
-        guard = np.clip(guard_columns(1.0, width) * sigmas[0], guard, width / 4)
-    inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2) - guard
+    inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
     _mark(reason, ~inside, Reason.OUTSIDE)
     return reason, sigmas, np.angle(means) / TWO_PI, np.abs(means)
 

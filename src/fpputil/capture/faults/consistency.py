@@ -13,7 +13,7 @@ import numpy as np
 ALONE = 4.0  # times what the curve leaves of the other photographs of its fringe
 LOUD = 3.0  # grey levels, from which on what is left speaks of a fault
 STEPS = (6, 24)  # with fewer, what is left does not tell which photograph is to blame
-FLICKERS = (4, 64)  # steps from which, and up to which, brightness can be told from the fringe
+FLICKERS = (5, 64)  # steps from which, and up to which, brightness can be told from the fringe
 ORDERS = 9  # harmonics of a response that are looked for
 ROUNDS = 3  # to the curve
 SUSPECTS = 6  # steps off the curve, of which pairs are tried
