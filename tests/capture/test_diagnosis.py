@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fpputil.capture.faults.consistency import exchanged, misfits
-from fpputil.capture.faults.diagnosis import FINDINGS, SEVERE, diagnose
+from fpputil.capture.faults.diagnosis import diagnose
+from fpputil.capture.faults.findings import FINDINGS, SEVERE
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fpputil.capture.faults.diagnosis import Finding
+from fpputil.capture.faults.findings import Finding
 from fpputil.capture.measurement import Measurement
 from fpputil.decoding.triangulation import Intersection, depth_of, in_range, intersect
 from fpputil.decoding.unwrap import TWO_PI

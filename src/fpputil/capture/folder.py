@@ -14,7 +14,8 @@ from tqdm.std import tqdm
 
 from fpputil.calibration import Pose
 from fpputil.capture.depth import diagnose_points, locate, trusted
-from fpputil.capture.faults.diagnosis import MOUNTED, Finding, diagnose, mirrored, of_files
+from fpputil.capture.faults.diagnosis import diagnose, mirrored, of_files
+from fpputil.capture.faults.findings import MOUNTED, Finding
 from fpputil.capture.measurement import Measurement, check_projector, check_size, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture

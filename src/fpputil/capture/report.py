@@ -13,7 +13,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from fpputil import interactive, plotting
-from fpputil.capture.faults.diagnosis import FINDINGS, Finding
+from fpputil.capture.faults.findings import FINDINGS, Finding
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.quality import Reason
 from fpputil.decoding.phase import THRESHOLD

@@ -6,13 +6,19 @@ Each check looks for one fault that a decoder would otherwise turn into plausibl
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from fpputil.capture.coding import code_fault
 from fpputil.capture.faults.consistency import FLICKERS, STEPS, doubled, exchanged, misfits
+from fpputil.capture.faults.findings import (
+    FOLLOW,
+    LOST,
+    ORDER,
+    Finding,
+    finding_of,
+)
 from fpputil.capture.faults.gamma import LEAST_STEPS, few_ratio, harmonic_ratio, linearise, ripple
 from fpputil.capture.faults.mounting import (
     growth,
@@ -31,176 +37,6 @@ from fpputil.capture.quality import FEW, Reason, parted, start_offsets
 from fpputil.decoding import phase, unwrap
 from fpputil.optics.system import System
 
-FINDINGS = {
-    "exchanged": ("{first} and {second} are exchanged", "exchange their names"),
-    "frame": (
-        "{files}: does not fit the other steps of {fringe}{same}",
-        "photograph again: a trigger was missed, a step was shown twice or too late, or the light "
-        "changed",
-    ),
-    "swapped": (
-        "the fringes called {pitches} look like {likely}",
-        "exchange the names of the photographs, or the pitches in the pattern file",
-    ),
-    "pitch": (
-        "pitches {pitches} along the {axis}s are given; the photographs show {likely}, if the "
-        "first is right",
-        "give the pitches that were projected",
-    ),
-    "direction": (
-        "the projector's {axis}s grow {way} in the picture",
-        "project writing and photograph it: if it stands upright, the steps go the other way: give "
-        "shift {shift}; on its head, the projector or the camera hangs so and the phases are right:"
-        " use --accept, or --system with a calibration of this mounting; mirrored, a mirror image "
-        "is set in the projector's menu or the camera's program",
-    ),
-    "mounting": (
-        "the projector's {axis}s grow {way} in the picture, by the system {expected}",
-        "project writing and photograph it: by the system it {writing}; if it does, the steps go "
-        "the other way: give shift {shift}; if not, the system is of another mounting: calibrate "
-        "this one",
-    ),
-    "mirrored": (
-        "the photographs are mirrored left to right{against}",
-        "if writing on the scene reads backwards, the camera's program mirrors, else the "
-        "projector's menu (rear projection): set it right; or calibrate with photographs made the "
-        "same way and give that --system",
-    ),
-    "bits": (
-        "the pictures of bits {bits} of the Gray code along the {axis}s are exchanged (0 is the "
-        "first)",
-        "exchange their names",
-    ),
-    "inverted": (
-        "black and white are exchanged in {bits} of the Gray code's pictures along the {axis}s (0 "
-        "is the first)",
-        "photograph the pictures of `fpp patterns`, or invert the photographs",
-    ),
-    "backwards": (
-        "the bits of the Gray code along the {axis}s come with the least significant one first",
-        "name them in the other order",
-    ),
-    "binary": (
-        "the code along the {axis}s looks like plain binary numbers, not like a Gray code",
-        "project a Gray code: of binary numbers several bits change at one edge",
-    ),
-    "offset": (
-        "the phases of {pair} are apart by {offset:+.2f} of an order everywhere{late}",
-        "{start}check that both begin with step 0 and have the steps that were projected",
-    ),
-    "disagree": (
-        "the phases of {pair} do not belong together",
-        "{periods}check the pitches, the direction of the shift and the unwrapping; or the noise "
-        "is far too high for these pitches",
-    ),
-    "saturated": (
-        "the camera is saturated at {share:.0%} of the lit pixels",
-        "expose less, or close the aperture, until no fringe reaches full scale",
-    ),
-    "clipped": (
-        "the bright halves of {fringe} are flat, below the camera's full scale",
-        "the projector is saturated: lower its brightness and contrast to their neutral values, "
-        "or project with less amplitude",
-    ),
-    "square": (
-        "the fringes of {fringe} are square, and {steps} steps let their harmonics through",
-        "take many steps (18), put square fringes out of focus, or project sinusoids",
-    ),
-    "flicker": (
-        "the brightness changes by up to {share:.0%} from photograph to photograph; it was "
-        "divided out{but}",
-        "let the exposure be a whole number of the projector's frames, and fix the camera's gain",
-    ),
-    "response": (
-        "the response is not linear: the second harmonic is {second:+.1%} of the fringe",
-        "with three or four steps it turns the phase by about as many radians: give --gamma, or "
-        "take five steps or more at one pitch, or photographs in plain light and in none (white "
-        "and black), which tell it; or project corrected patterns (fpp patterns --gamma)",
-    ),
-    "lost": ("{share:.0%} of the lit pixels are left out: {why}", "{remedy}"),
-    "orders": (
-        "the order is a guess at {share:.0%} of the lit pixels",
-        "take more steps at the long pitches, or a pitch between two that are far apart{coded}",
-    ),
-    "levels": (
-        "the grey levels reach {most:g}, so the photographs are taken for {said}, saturated at "
-        "{full:g}",
-        "give --full if the camera has other levels",
-    ),
-    "jpeg": (
-        "{number} photographs are JPEG files: their compression adds noise to the phase, at "
-        "quality 90 about 0.01 rad with twelve steps and 0.03 rad with three in dim light",
-        "have the camera write PNG or TIFF; else the best quality, and more steps",
-    ),
-    "channel": (
-        "the light is {channel}: grey keeps {grey:.0%} of that channel's level",
-        "give --channel {channel}",
-    ),
-    "overflow": (
-        "the {channel} channel is saturated at {share:.0%} of the lit pixels, which grey hides",
-        "expose less, or give --channel with another one",
-    ),
-    "dark": (
-        "{lit:.1%} of the pixels are lit, with a median modulation of {level:.0f} grey levels",
-        "expose longer, open the aperture, or darken the room",
-    ),
-    "contrast": (
-        "the modulation of the finest pitch is {contrast:.0%} of the light: the rest is noise "
-        "without use",
-        "darken the room, focus the projector and the camera on the object, or project a longer "
-        "pitch",
-    ),
-    "relative": (
-        "the phase was unwrapped from pixel to pixel: it is known but for a multiple of 2 pi, "
-        "another one in each of {parts} connected part(s), and wrong beyond a step that turns it "
-        "by more than pi",
-        "take it as a relief of one smooth surface, or its difference to a plane (--reference); "
-        "columns, depth and points need a second pitch or a Gray code",
-    ),
-    "noise": (
-        "so few steps do not tell the noise, nor whether the response is linear; the uncertainty "
-        "counts the rounding of grey levels alone",
-        "take five steps or more at one pitch, or give --noise and --gamma",
-    ),
-}
-"""Of each finding by its code what is the matter, and what to do about it."""
-
-LOST = {
-    Reason.SCATTERED: (
-        "their steps lie on no sinusoid",
-        "project one fringe at a time, and keep light and scene still; or the number of steps is "
-        "another one",
-    ),
-    Reason.UNSTEADY: (
-        "their modulation changes from pitch to pitch, and not as that around them",
-        "keep light and scene still from the first photograph to the last",
-    ),
-    Reason.OUTSIDE: (
-        "their columns or rows lie outside the projector",
-        "check the projector's size and the pitches",
-    ),
-}
-"""Of reasons that no other finding tells, what is the matter, and what to do about it."""
-
-SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
-SEVERE += ("square", "mounting", "mirrored", "bits", "inverted", "backwards", "binary")
-"""Findings with which the phases are wrong; with the others they are noisier or fewer."""
-
-MOUNTED = ("direction", "mounting", "mirrored")
-"""Findings on how the projector hangs, which a calibration takes as it is."""
-
-ORDER = ("offset", "disagree", "orders")
-FOLLOW = {
-    **dict.fromkeys(("frame", "exchanged"), (*ORDER, "response")),
-    **dict.fromkeys(("swapped", "pitch", "direction", "mounting"), ORDER),
-    **dict.fromkeys(("bits", "inverted", "backwards", "binary"), (*ORDER, "direction", "mounting")),
-    "offset": ("orders",),
-    **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
-    "clipped": ("response",),
-    "square": (*ORDER, "response", "clipped", "pitch"),
-}
-"""Findings that another one explains, and that are not told beside it."""
-
 SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the setup
 HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
 SPREAD = 0.05  # of the logarithms of pitches, from which their pictures tell which is the finer
@@ -215,25 +51,6 @@ MIDDLING = 0.12  # of the grey levels, at most, between dark and bright in squar
 ROUGH = 8  # steps at most, with which square fringes give no phase
 STRONG = 400  # pixels at which photographs are compared
 ONE_COLOUR = 0.5  # of the brightest channel, under which grey is a waste of light
-
-
-class Finding(NamedTuple):
-    """What speaks against a capture: a key of `FINDINGS`, what is the matter, what to do about it.
-
-    With a severe one the phases are wrong, not only noisier or fewer. `axis` is that of the
-    fringes, "" if there is but one.
-    """
-
-    code: str
-    severe: bool
-    message: str
-    remedy: str
-    axis: str = ""
-
-    @property
-    def where(self) -> str:
-        """Before the message in a list of several axes: ``"columns: "``."""
-        return f"{self.axis}s: " if self.axis else ""
 
 
 def diagnose(
@@ -284,9 +101,9 @@ def diagnose(
 def of_files(capture: Capture) -> Iterator[Finding]:
     """What the kind of the photographs costs: bits, compression, colours; none is severe."""
     if capture.levels.said:
-        yield _finding("levels", **capture.levels._asdict())
+        yield finding_of("levels", **capture.levels._asdict())
     if number := sum(shot.file.lower().endswith(LOSSY) for shot in capture.shots):
-        yield _finding("jpeg", number=number)
+        yield finding_of("jpeg", number=number)
     if capture.colourful:
         yield from _colours(capture)
 
@@ -303,16 +120,11 @@ def _colours(capture) -> Iterator[Finding]:
     brightest = int(np.argmax(strength))
     share = float(grey(strength[None, None])[0, 0] / strength[brightest])
     if capture.channel == "grey" and share < ONE_COLOUR:
-        yield _finding("channel", channel=CHANNELS[brightest + 1], grey=share)
+        yield finding_of("channel", channel=CHANNELS[brightest + 1], grey=share)
     clipped = (high[lit] >= capture.full).mean(axis=0)
     worst = int(np.argmax(clipped))
     if capture.channel == "grey" and clipped[worst] > SHARE:
-        yield _finding("overflow", channel=CHANNELS[worst + 1], share=clipped[worst])
-
-
-def _finding(code: str, severe: bool | None = None, **values) -> Finding:
-    message, remedy = (text.format(**values) for text in FINDINGS[code])
-    return Finding(code, code in SEVERE if severe is None else severe, message, remedy)
+        yield finding_of("overflow", channel=CHANNELS[worst + 1], share=clipped[worst])
 
 
 def _fringe(m: Measurement, k: int) -> str:
@@ -327,7 +139,7 @@ def _share(m: Measurement, reason: Reason) -> float:
 def _relative(m, capture) -> Iterator[Finding]:
     """What spatial unwrapping leaves open."""
     if m.unwrapped_in_space:
-        yield _finding("relative", parts=cv2.connectedComponents(m.mask.astype(np.uint8))[0] - 1)
+        yield finding_of("relative", parts=cv2.connectedComponents(m.mask.astype(np.uint8))[0] - 1)
 
 
 def _repeated(m, capture) -> Iterator[Finding]:
@@ -345,19 +157,19 @@ def _repeated(m, capture) -> Iterator[Finding]:
             same = f"; it is the picture of {other}"
             if len(frames) < STEPS[0]:  # which of both is wrong, so few do not tell
                 one, same = f"{one} or {other}", "; both are one picture"
-            yield _finding("frame", files=one, fringe=fringe, same=same)
+            yield finding_of("frame", files=one, fringe=fringe, same=same)
         elif len(frames) < STEPS[0]:
             continue
         elif pair := exchanged(frames):
-            yield _finding("exchanged", first=files[pair[0]], second=files[pair[1]])
+            yield finding_of("exchanged", first=files[pair[0]], second=files[pair[1]])
         elif bad := misfits(frames):
             names = ", ".join(files[n] for n in bad)
-            yield _finding("frame", files=names, fringe=fringe, same="")
+            yield finding_of("frame", files=names, fringe=fringe, same="")
     share = max((np.abs(gains - 1).max() for gains in m.gains), default=0.0)
     if share > SHARE / 2:
         few = sorted({f.steps for f in m.fringes if f.steps < FLICKERS[0]})
         but = f", but for the pitches of {few[0]} steps, which do not tell it" if few else ""
-        yield _finding("flicker", share=share, but=but)
+        yield finding_of("flicker", share=share, but=but)
 
 
 def mirrored(column: Measurement, row: Measurement, system: System | None = None) -> list[Finding]:
@@ -368,7 +180,9 @@ def mirrored(column: Measurement, row: Measurement, system: System | None = None
     turn = sense([growth(m, local_gradients(m)) for m in (column, row)])
     if not turn * (1 if system is None else sense(growth_by(system))) < 0:
         return []
-    return [_finding("mirrored", against="" if system is None else " against those of the system")]
+    return [
+        finding_of("mirrored", against="" if system is None else " against those of the system")
+    ]
 
 
 def _frequencies(m, capture, system) -> Iterator[Finding]:
@@ -383,10 +197,10 @@ def _frequencies(m, capture, system) -> Iterator[Finding]:
     named = {"axis": m.axis, "way": way(grown), "shift": -capture.patterns.shift}
     if system is None:
         severe = not m.unwrapped_in_space  # which turns a relief inside out, no more
-        yield _finding("direction", severe, **named)
+        yield finding_of("direction", severe, **named)
     else:
         named |= {"expected": way(towards), "writing": writing(system)}
-        yield _finding("mounting", **named)
+        yield finding_of("mounting", **named)
 
 
 def _pitches(m, frequencies) -> Iterator[Finding]:
@@ -410,10 +224,10 @@ def _pitches(m, frequencies) -> Iterator[Finding]:
     best = declared.copy()
     best[np.argsort(frequencies)] = np.sort(declared)[::-1]  # the coarser the longer
     if spread(best) < limit:
-        yield _finding("swapped", pitches=pitches, likely=", ".join(f"{p:g}" for p in best))
+        yield finding_of("swapped", pitches=pitches, likely=", ".join(f"{p:g}" for p in best))
     else:
         likely = ", ".join(f"{declared[0] * frequencies[0] / f:.3g}" for f in frequencies)
-        yield _finding("pitch", pitches=pitches, axis=m.axis, likely=likely)
+        yield finding_of("pitch", pitches=pitches, axis=m.axis, likely=likely)
 
 
 def _code(m, capture) -> Iterator[Finding]:
@@ -425,7 +239,7 @@ def _code(m, capture) -> Iterator[Finding]:
         phi = unwrap.wrap(phi - np.float32(unwrap.TWO_PI * m.offsets[0]))
     fault = code_fault(m.reading, phi, m.fringes[0].pitch, m.axis, m.lit)
     if fault is not None:
-        yield _finding(fault[0], bits=fault[1], axis=m.axis)
+        yield finding_of(fault[0], bits=fault[1], axis=m.axis)
 
 
 def _offset(m, capture) -> Iterator[Finding]:
@@ -443,10 +257,12 @@ def _offset(m, capture) -> Iterator[Finding]:
             ]
             late = f"; it looks as if {' or '.join(began)}" if began else ""
             if late or sharpness > SURE:
-                yield _finding("offset", pair=pair, offset=offset, start=start, late=late)
+                yield finding_of("offset", pair=pair, offset=offset, start=start, late=late)
         elif sharpness < SURE / 2 and m.lit.any():
             periods = "these look like periods, not pitches (--periods); else "
-            yield _finding("disagree", pair=pair, periods=periods if _look_like_periods(m) else "")
+            yield finding_of(
+                "disagree", pair=pair, periods=periods if _look_like_periods(m) else ""
+            )
 
 
 def _look_like_periods(m: Measurement) -> bool:
@@ -501,7 +317,7 @@ def _clipping(m, capture) -> Iterator[Finding]:
     """Saturation of the camera; else fringes whose bright halves are flat by the projector."""
     share = _share(m, Reason.SATURATED)
     if share > SHARE:
-        yield _finding("saturated", severe=share > 0.5, share=share)
+        yield finding_of("saturated", severe=share > 0.5, share=share)
     for k, frames in enumerate(m.sample):
         low, high = frames.min(axis=0), frames.max(axis=0)
         use = (high - low > 40) & (high < 0.97 * 255)
@@ -509,7 +325,7 @@ def _clipping(m, capture) -> Iterator[Finding]:
             continue
         if _square(frames):
             if len(frames) <= ROUGH:
-                yield _finding("square", fringe=_fringe(m, k), steps=len(frames))
+                yield finding_of("square", fringe=_fringe(m, k), steps=len(frames))
                 return
             continue
         span = (high - low)[use]
@@ -517,7 +333,7 @@ def _clipping(m, capture) -> Iterator[Finding]:
         bright, dark = ((edge > 0.96 - 1 / span).mean() for edge in (levels, 1 - levels))
         limit = 0.24 + 0.5 / len(frames)
         if len(frames) >= 6 and dark <= limit < bright:
-            yield _finding("clipped", fringe=_fringe(m, k))
+            yield finding_of("clipped", fringe=_fringe(m, k))
             return
 
 
@@ -548,7 +364,7 @@ def _response(m, capture) -> Iterator[Finding]:
         severe = abs(second) > CURVED and bool(
             (m.sharpness < SURE).any() or m.mask.sum() < 0.5 * m.lit.sum()
         )
-        yield _finding("response", severe, second=second)
+        yield finding_of("response", severe, second=second)
 
 
 def _lost(m, capture) -> Iterator[Finding]:
@@ -559,7 +375,7 @@ def _lost(m, capture) -> Iterator[Finding]:
         share = shares[reason]
         if share > LEFT_OUT:
             severe = share >= 0.5 or (emptied and share == max(shares.values()))
-            yield _finding("lost", severe, share=share, why=why, remedy=remedy)
+            yield finding_of("lost", severe, share=share, why=why, remedy=remedy)
 
 
 def _light(m, capture) -> Iterator[Finding]:
@@ -567,16 +383,16 @@ def _light(m, capture) -> Iterator[Finding]:
     lit, unsure = m.lit.mean(), _share(m, Reason.UNSURE)
     if unsure > SHARE:
         coded = "" if m.reading is None else "; or show the complementary code"
-        yield _finding("orders", unsure >= 0.5, share=unsure, coded=coded)
+        yield finding_of("orders", unsure >= 0.5, share=unsure, coded=coded)
     level = float(np.median(m.modulation.min(axis=0)[m.lit])) if lit > 0 else 0.0
     if lit < 0.02 or level < 20 and _share(m, Reason.SATURATED) < 0.5:
-        yield _finding("dark", severe=not m.mask.any(), lit=lit, level=level)
+        yield finding_of("dark", severe=not m.mask.any(), lit=lit, level=level)
     contrast = (
         np.median(m.modulation[m.finest][m.lit] / np.maximum(m.average[m.lit], 1))
         if lit > 0
         else 1.0
     )
     if contrast < 0.3:
-        yield _finding("contrast", contrast=contrast)
+        yield finding_of("contrast", contrast=contrast)
     if not m.noise.known:
-        yield _finding("noise")
+        yield finding_of("noise")
