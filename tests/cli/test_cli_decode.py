@@ -97,6 +97,24 @@ def test_points_carry_their_uncertainty_and_the_colour_of_the_white_photograph(l
     assert np.median(red) > 1.8 * np.median(green) > 3 * np.median(blue) > 0
 
 
+@pytest.mark.parametrize("steps, plain", [(3, "--plain"), (4, "--no-plain")])
+def test_a_gamma_of_few_steps_is_told_and_taken_back(fpp, tmp_path, steps, plain):
+    pitches = ["--pitches", 912, 114, 36, "--steps", steps, plain]
+    assert fpp("patterns", tmp_path / "p", *pitches)[0] == 0
+    body = ["--patterns", tmp_path / "p/patterns.toml", "--system", "tiny", "--sphere", 100]
+    assert fpp("render", tmp_path / "shots", *body, "--projector-gamma", 2.2)[0] == 0
+    code, said, error = fpp("decode", tmp_path / "shots", "--system", "tiny", "--no-report")
+    assert code == 0 and "error:" not in error
+    gamma = float(said.split("response of gamma ")[1].split(",")[0])
+    assert gamma == pytest.approx(2.2, rel=0.05) and "taken back" in said
+    with np.load(tmp_path / "shots-decoded/decoded.npz") as found:
+        with np.load(tmp_path / "shots/truth.npz") as truth:
+            both = found["column_mask"] & truth["mask"]
+            off = np.abs(found["column_coordinate"] - truth["column"])[both]
+            assert both.sum() > 0.9 * truth["mask"].sum()
+    assert np.median(off) < 0.15
+
+
 def test_json_is_for_machines(loop, tmp_path, capsys):
     capsys.readouterr()
     assert main(["patterns", str(tmp_path / "p"), "--json"]) == 0

@@ -143,7 +143,7 @@ def _relative(m, capture) -> Iterator[Finding]:
 
 
 def _repeated(m, capture) -> Iterator[Finding]:
-    """Photographs that do not fit the sinusoid of the others, or would fit in another place."""
+    """Photographs off the curve of the others, or that would fit in another place; and flicker."""
     for k, number in enumerate(capture.patterns.along(m.axis)):
         frames = m.sample[k]
         modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
