@@ -104,7 +104,7 @@ def test_datasets_that_are_none(refused, tmp_path):
         ("--mixing some", "mixing 'some' given"),
         ("--phase -1", "weight of the phase loss -1.0 given"),
         ("--noise 2 1", "noise from 2.0 to 1.0 given"),
-        ("--no-plane", "plane given for sfnet; its settings are base, dropout"),
+        ("--no-plane", "plane given for sfnet; its settings are base, coordinates, dropout"),
         ("--workers -1", "workers -1 given"),
         ("--threads 0", "threads 0 given"),
         ("--device abacus", "abacus"),
@@ -119,7 +119,11 @@ def test_trainings_that_cannot_begin_leave_no_folder(train, refused, tmp_path, o
 @pytest.mark.parametrize(
     "method, options, said",
     [
-        ("sido", "--mixing none", "mixing given for sido; its settings are base, dropout"),
+        (
+            "sido",
+            "--mixing none",
+            "mixing given for sido; its settings are base, coordinates, dropout",
+        ),
         ("psnet", "--geometric 0.1", "weights of losses given for psnet"),
         ("sfnet", "--learning-rate 1e20 --epochs 2", "a lower learning rate may help"),
     ],

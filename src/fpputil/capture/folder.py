@@ -140,7 +140,8 @@ def decode_folder(
             raise ValueError("a system given; a phase that is unwrapped in space gives no points")
         check_size(system, capture.size)
         check_projector(system, capture.patterns.projector)
-    folder = Path(os.path.abspath(folder))  # "." and ".." have no names
+    if folder.name in ("", ".."):  # which name no folder
+        folder = Path(os.path.abspath(folder))
     out = folder.with_name(f"{folder.name}-decoded") if out is None else Path(out)
     with folder_whole(out, "fpp decode", force, [folder]) as partial:
         axes, total = capture.patterns.axes, sum(f.steps for f in capture.patterns.fringes)

@@ -8,12 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib import image
 from scipy import ndimage
 
 from fpputil.capture.measurement import Measurement
 from fpputil.decoding import unwrap
-from fpputil.decoding.pointcloud import save_ply, surface
 
 DEGREES = {"plane": 1, "cubic": 3}
 LEAST = 100  # pixels of a phase, of which a ground is told
@@ -108,6 +106,10 @@ def save_relief(folder: Path, name: str, relief: np.ndarray) -> None:
 
     Columns and rows of the mesh are pixels; its heights are scaled so that it looks like a relief.
     """
+    from matplotlib import image
+
+    from fpputil.decoding.pointcloud import save_ply, surface
+
     low, high = np.nanpercentile(relief, (1, 99))
     shown = np.ma.masked_invalid(relief)
     image.imsave(folder / f"{name}.png", shown, cmap="viridis", vmin=low, vmax=high)

@@ -10,8 +10,6 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from fpputil import capture, optics
-from fpputil.checks import positive
-from fpputil.decoding.unwrap import TEMPORAL, reach
 
 
 def option(text: str, **how) -> Parameter:
@@ -193,6 +191,8 @@ class Fringes:
 
     def _usual(self, unwrap: str) -> tuple[int, int]:
         """Size of the book's projector, unless pitches or periods say that it is another one."""
+        from fpputil.decoding.unwrap import TEMPORAL, reach
+
         if self.periods:
             raise ValueError("--periods without --projector given; they are parts of its width")
         if self.pitches and unwrap == "gray":
@@ -208,6 +208,8 @@ class Fringes:
         return USUAL
 
     def _pitches(self, projector: tuple[int, int], axis: str) -> list[float]:
+        from fpputil.checks import positive
+
         longer = max(projector, default=48)  # of a size unknown, pitch 1 counts the periods
         one = self.unwrap in ("gray", "spatial")
         pitches = self.pitches or ([longer / 48] if one else [longer, longer / 8, longer / 48])

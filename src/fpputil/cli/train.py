@@ -52,6 +52,11 @@ Network = _options(
     target=(str, "components (M and D) or phase."),
     reference=(str, "refined (reference), or zmin, mid or unit in its place."),
     plane=(bool, "Show SIDO the empty plane, too."),
+    normalised=(bool, "Group normalisation after each convolution (ours)."),
+    coordinates=(bool, "Show each encoder column and row, too (ours)."),
+    errors=(str, "Of SIDO and PSNet: in grey levels (grey) or in fringes (fringe, ours)."),
+    phase_weight=(float, "Weight of SIDO's coarse phase."),
+    unit_step=(int, "Step of PSNet's unit pitch, with errors in fringes."),
 )
 Losses = _options(
     "Losses",  # of `Weights`

@@ -194,7 +194,7 @@ def experiments(preset: str) -> dict[str, Experiment]:
     Seed 0 of every row comes first, so that a table is whole before its intervals are.
 
     >>> len(experiments("tiny")), experiments("tiny")["sfnet-mid"].kind
-    (35, 'sfnet')
+    (48, 'sfnet')
     """
     runs = {
         name: Experiment(method, name if name in SEARCHED else name.partition("-")[0])

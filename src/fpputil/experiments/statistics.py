@@ -137,10 +137,11 @@ def measures_of(
 ) -> dict[str, Interval]:
     """Each of `MEASURES` that a row has in a part; `seed_variation` of each is given.
 
-    Runs that lack the part do not count; nothing is told if all do.
+    Nothing is told of a part that one of the runs lacks.
     """
-    runs = [run for run in runs if part in run.parts]
-    draws = {m: bootstrap(runs, m, part) for m in MEASURES if runs and _has(runs[0], m, part)}
+    if not all(part in run.parts for run in runs):
+        return {}
+    draws = {m: bootstrap(runs, m, part) for m in MEASURES if _has(runs[0], m, part)}
     return {
         measure: interval(values, *seed_error([(runs, values[0])], spreads[measure]))
         for measure, values in draws.items()

@@ -199,4 +199,4 @@ class Finding(NamedTuple):
 def finding_of(code: str, severe: bool | None = None, **values) -> Finding:
     """A finding by its code, its texts filled in with values."""
     message, remedy = (text.format(**values) for text in FINDINGS[code])
-    return Finding(code, code in SEVERE if severe is None else severe, message, remedy)
+    return Finding(code, code in SEVERE if severe is None else bool(severe), message, remedy)
