@@ -43,7 +43,7 @@ class Files:
         ),
     ] = None
     projector: Annotated[
-        Size | None, option("Pixels (default 912x1140, unless the pitches say otherwise).")
+        Size | None, option("Pixels (default: the system's; 912x1140 if the pitches fit that).")
     ] = None
     first: Annotated[
         list[int],
