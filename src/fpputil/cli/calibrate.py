@@ -7,25 +7,20 @@ from pathlib import Path
 from typing import Annotated
 
 from fpputil import calibration, capture
-from fpputil.cli.decode import FILES, Files, _exponent, _patterns
 from fpputil.cli.options import (
     FRINGES,
     TARGET,
-    Channel,
     Force,
     Fringes,
-    Full,
-    Gamma,
     Json,
-    Noise,
     Size,
     Target,
-    Threshold,
     Unit,
     free,
     millimetres,
     option,
 )
+from fpputil.cli.photographs import FILES, LEVELS, Files, Levels, patterns_of
 
 LEAST = 1.0  # mm, below which a length without its unit is asked about
 
@@ -41,14 +36,10 @@ def calibrate(
     target: Target = TARGET,
     lens: Annotated[int, option("Camera's distortion: 0, 1, 2, 4 or 5 of k1 k2 p1 p2 k3.")] = 4,
     projector_lens: Annotated[int, option("Likewise.")] = 4,
-    gamma: Gamma = "auto",
-    threshold: Threshold = 8.0,
-    noise: Noise = None,
-    full: Full = None,
-    channel: Channel = "grey",
     accept: Annotated[bool, option("Take poses whose phases are wrong all the same.")] = False,
     force: Force = False,
     json: Json = False,
+    levels: Levels = LEVELS,
     names: Files = FILES,
     fringes: Fringes = FRINGES,
 ) -> None:
@@ -71,12 +62,11 @@ def calibrate(
         raise ValueError(f"{folder} given; it holds no folder, and a pose is a folder")
     if names.files is not None and fringes.axis is None:
         fringes = replace(fringes, axis="both")
-    how = {"full": full, "threshold": threshold, "gamma": _exponent(gamma), "noise": noise}
-    how |= {"channel": channel, "accept": accept}
+    how = {**levels.how(), "accept": accept}
     poses, sizes, unread = [], set(), {}
     for path in folders:
         try:
-            pose, size = capture.board_pose(path, _patterns(path, names, fringes), **how)
+            pose, size = capture.board_pose(path, patterns_of(path, names, fringes), **how)
         except (ValueError, OSError) as error:  # one bad pose does not cost the others
             unread[path.name] = str(error)
             continue

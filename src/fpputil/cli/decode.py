@@ -2,61 +2,17 @@
 
 import json as jsons
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from fpputil import capture, optics
-from fpputil.cli.options import (
-    FRINGES,
-    SEVERAL,
-    Channel,
-    Force,
-    Fringes,
-    Full,
-    Gamma,
-    Json,
-    Noise,
-    Size,
-    Threshold,
-    given,
-    option,
-)
+from fpputil.cli.options import FRINGES, Force, Fringes, Json, option
+from fpputil.cli.photographs import FILES, LEVELS, Files, Levels, patterns_of
 
 YES = {"negative_bool": "no-", "negative": None}
-
-
-@Parameter(name="*", group="Photographs, if FOLDER holds no patterns.toml")
-@dataclass(frozen=True)
-class Files:
-    """What was projected, and how the photographs are named."""
-
-    patterns: Annotated[Path | None, option("A pattern file elsewhere.")] = None
-    files: Annotated[
-        list[str] | None,
-        option(
-            "Names, as `{axis}-{pitch}-{step:02}.png`, or `*.png` in order of time; one name for "
-            "each pitch, as `long/*.png`; or all names. A TIFF or NPY file may hold many.",
-            **SEVERAL,
-        ),
-    ] = None
-    projector: Annotated[
-        Size | None, option("Pixels (default: the system's; 912x1140 if the pitches fit that).")
-    ] = None
-    first: Annotated[
-        list[int],
-        option("Number of the first step in a name; of all pitches, or of each.", **SEVERAL),
-    ] = field(default_factory=lambda: [0])
-    order: Annotated[Literal["fringe", "step"], option("Which comes first.")] = "fringe"
-    white: Annotated[str, option("Photograph in plain light.")] = ""
-    black: Annotated[
-        str, option("Photograph in no light: with gamma, it is taken from the others.")
-    ] = ""
-
-
-FILES = Files()
 
 
 @Parameter(name="*", group="Points")
@@ -86,11 +42,6 @@ def decode(
     *,
     out: Annotated[Path | None, option("New folder (default FOLDER-decoded).")] = None,
     system: Annotated[str | None, option("For millimetres: tiny, small, paper or a file.")] = None,
-    gamma: Gamma = "auto",
-    threshold: Threshold = 8.0,
-    noise: Noise = None,
-    full: Full = None,
-    channel: Channel = "grey",
     accept: Annotated[bool, option("Write phases all the same.")] = False,
     reference: Annotated[
         Path | None, option("Photographs of a plane, likewise named; its phase is taken away.")
@@ -103,6 +54,7 @@ def decode(
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
     force: Force = False,
     json: Json = False,
+    levels: Levels = LEVELS,
     cloud: Cloud = CLOUD,
     names: Files = FILES,
     fringes: Fringes = FRINGES,
@@ -116,78 +68,23 @@ def decode(
     missing photographs, a saturated projector ...), or the system looks like another rig's, only
     report and summary are written, and the exit code is 1.
     """
-    exponent = _exponent(gamma)
+    how = levels.how()
     rig = None if system is None else optics.load_system(system)
     if rig is None and cloud != CLOUD:
         name = next(k for k, v in vars(cloud).items() if v != getattr(CLOUD, k))
         raise ValueError(f"--{name.replace('_', '-')} without --system given; points need one")
     if rig is not None and names.files is not None and names.projector is None:
         names = replace(names, projector=(rig.projector.width, rig.projector.height))
-    patterns = _patterns(folder, names, fringes)
-    how = {"full": full, "threshold": threshold, "gamma": exponent, "noise": noise}
+    patterns = patterns_of(folder, names, fringes)
     how |= {"reference": reference, "relief": relief}
     how |= {"accept": accept, "report": report, "pictures": pictures, "force": force}
-    how |= {"channel": channel, **vars(cloud)}
+    how |= vars(cloud)
     decoded = capture.decode_folder(folder, out, rig, patterns=patterns, progress=not json, **how)
     if json:
         print(jsons.dumps(decoded.summary))
     else:
         _print(decoded, rig)
     return 0 if decoded.summary["decoded"] else 1
-
-
-def _exponent(gamma: str) -> float | None:
-    from fpputil.checks import positive
-
-    if gamma == "auto":
-        return None
-    try:
-        number = float(gamma)
-    except ValueError:
-        raise ValueError(f"gamma {gamma!r} given; a positive number or auto is needed") from None
-    return positive("gamma", number)
-
-
-def _patterns(folder: Path, names: Files, fringes: Fringes):
-    """Patterns named on the command line, or of a file, which --shift and --start may turn."""
-    from fpputil.capture.photographs import of_folder
-
-    if names.patterns is not None and names.files is not None:
-        raise ValueError("--patterns and --files given; one of them names the photographs")
-    if names.files is not None:
-        options = {k: _composed(v) for k, v in given(names).items()}
-        unknown = () if fringes.unwrap == "spatial" else None
-        return fringes.patterns(options.pop("projector", unknown), **options)
-    if beside := given(replace(fringes, shift=None, start=None)):
-        reason = "a pattern file tells it, or --files and all the others do"
-        raise ValueError(f"--{next(iter(beside))} without --files given; {reason}")
-    patterns = (
-        of_folder(folder) if names.patterns is None else capture.Patterns.load(names.patterns)
-    )
-    if fringes.shift is not None:
-        patterns = replace(patterns, shift=fringes.shift)
-    if fringes.start is not None:
-        patterns = replace(patterns, fringes=_begun(patterns, fringes))
-    return patterns
-
-
-def _composed(value):
-    """Names in whatever encoding the terminal has."""
-    from fpputil.capture.patterns import composed
-
-    if isinstance(value, list):
-        return [_composed(one) for one in value]
-    return composed(value) if isinstance(value, str) else value
-
-
-def _begun(patterns, fringes: Fringes) -> tuple:
-    """The fringes of a file, which begin as --start says; a Gray code has no start."""
-    begun = list(patterns.fringes)
-    for axis in patterns.axes:
-        sinusoids = [k for k, f in enumerate(begun) if f in patterns.along(axis).values()]
-        for k, fringe in zip(sinusoids, fringes.begun([begun[k] for k in sinusoids]), strict=True):
-            begun[k] = fringe
-    return tuple(begun)
 
 
 def _print(decoded, system) -> None:

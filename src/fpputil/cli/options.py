@@ -30,15 +30,6 @@ Out = Annotated[Path, option("New folder.")]
 Force = Annotated[bool, option("Replace earlier results.")]
 Json = Annotated[bool, option("Print one JSON object.")]
 System = Annotated[str, option("tiny, small, paper, or a file: .json, .yml, .yaml.")]
-Gamma = Annotated[
-    str,
-    option(
-        "Exponent of the response, taken back; auto: where a pitch has under 5 steps, by the "
-        "longest, the plain photographs, or three and four steps themselves."
-    ),
-]
-Threshold = Annotated[float, option("Least modulation, grey levels of 255.")]
-Noise = Annotated[float | None, option("Grey levels of 255 (default: estimated).")]
 Full = Annotated[
     float | None, option("Saturated grey level (default 255, or by the greatest level there is).")
 ]
