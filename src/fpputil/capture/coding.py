@@ -11,7 +11,7 @@ import numpy as np
 
 from fpputil.capture.faults.gamma import linearise
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import Fit, Noise, Reason
+from fpputil.capture.quality import Fit, Noise, Reason, mark
 from fpputil.decoding.gray import NEAR, Cells, cell_column, gray_index, gray_order, read_cells
 from fpputil.decoding.unwrap import TWO_PI, absolute_phase, fringe_order, wrap
 from fpputil.optics.fringes import Fringe
@@ -134,7 +134,7 @@ def cells_alone(reading: Reading, width: int, threshold: float) -> dict[str, np.
         (cells.reach > MISLED, Reason.UNSURE),
         (np.abs(column - (width - 1) / 2) > width / 2, Reason.OUTSIDE),
     ):
-        reason[fault & (reason == Reason.GOOD)] = why
+        mark(reason, fault, why)
     good = reason == Reason.GOOD
     spread = code.cell * (1 + 2 * cells.reach) / 12**0.5  # of cells in which it may lie, evenly
     return {

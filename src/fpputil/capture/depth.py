@@ -6,38 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fpputil.capture.faults.findings import Finding
+from fpputil.capture.faults.findings import Finding, finding_of
 from fpputil.capture.measurement import Measurement
 from fpputil.decoding.triangulation import Intersection, depth_of, in_range, intersect
 from fpputil.decoding.unwrap import TWO_PI
 from fpputil.optics.system import System
-
-POINT_FINDINGS = {
-    "range": (
-        "{share:.0%} of the pixels in the mask have no depth from {span} ({near:.0%} lie nearer, "
-        "{far:.0%} farther)",
-        "give the system that was calibrated with this very rig; or, if things stand outside its "
-        "measuring range, set z_min and z_max in its file",
-    ),
-    "beam": (
-        "{share:.0%} of the points lie where the projector of the system sends no light",
-        "the system is of another rig, or something moved since: calibrate this one",
-    ),
-    "apart": (
-        "columns and rows contradict each other by {apart:.1f} projector pixels (median)",
-        "the system is of another rig, or something moved since: calibrate this one",
-    ),
-    "blunt": (
-        "by this system {other}s would tell the depth {times:.0f} times as sharply as these "
-        "{axis}s",
-        "project fringes along {other}s, or along both axes (fpp patterns --axis both)",
-    ),
-    "vague": (
-        "the depth is uncertain by {sigma:.2g} mm (median)",
-        "set camera and projector farther apart, take more steps or light, or a shorter pitch",
-    ),
-}
-"""Of each finding about points by its code what is the matter, and what to do about it."""
 
 SHARE, MOST = 0.05, 0.5  # of the pixels in the mask: told from the one on, an error from the other
 APART, TOO_FAR = 0.5, 0.9  # projector pixels, likewise; steps the other way shift by one
@@ -87,28 +60,23 @@ def diagnose_points(
     if share >= SHARE:
         with np.errstate(invalid="ignore"):
             near, far = (z < reach[0]).mean(), (z > reach[1]).mean()
-        yield _finding("range", share >= MOST, share=share, span=span, near=near, far=far)
+        yield finding_of("range", share >= MOST, share=share, span=span, near=near, far=far)
     share = (within & ~located.inside[mask]).sum() / max(within.sum(), 1)
     if share >= SHARE:
-        yield _finding("beam", share >= MOST, share=share)
+        yield finding_of("beam", share >= MOST, share=share)
     miss = located.miss[mask][np.isfinite(located.miss[mask])]
     noise = max(float(np.median(m.sigma[m.mask])) * m.pitch / TWO_PI for m in measurements)
     if miss.size and (apart := float(np.median(miss))) >= max(APART, NOISE * noise):
-        yield _finding("apart", apart >= max(TOO_FAR, NOISE * noise), apart=apart)
+        yield finding_of("apart", apart >= max(TOO_FAR, NOISE * noise), apart=apart)
     if not within.any():
         return
     sigma, span = float(np.median(located.sigma[mask][within])), reach[1] - reach[0]
     if sigma >= VAGUE * span:
-        yield _finding("vague", sigma >= BLIND * span, sigma=sigma)
+        yield finding_of("vague", sigma >= BLIND * span, sigma=sigma)
     rates = dict(zip(("column", "row"), _rates(located.points[mask][within], system), strict=True))
     axis, other = sorted(rates, key=lambda axis: axis != measurements[0].axis)
     if len(measurements) == 1 and rates[other] > BLUNT * rates[axis]:
-        yield _finding("blunt", True, axis=axis, other=other, times=rates[other] / rates[axis])
-
-
-def _finding(code: str, severe: bool, **values) -> Finding:
-    message, remedy = (text.format(**values) for text in POINT_FINDINGS[code])
-    return Finding(code, bool(severe), message, remedy)
+        yield finding_of("blunt", True, axis=axis, other=other, times=rates[other] / rates[axis])
 
 
 def _rates(points, system) -> np.ndarray:

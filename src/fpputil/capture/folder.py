@@ -285,12 +285,10 @@ def _save_mesh(path: Path, points, colours) -> None:
 
 def _save_points(path: Path, points, colours, sigma) -> int:
     """Write the finite points as PLY, each with the `sigma` of its depth, mm; returns how many."""
-    import trimesh
+    from fpputil.decoding.pointcloud import save_ply  # loads trimesh
 
     keep = np.isfinite(points).all(axis=-1) & np.isfinite(sigma)
     if not keep.any():
         raise ValueError("no point inside the measuring range; is the system the capture's own?")
-    cloud = trimesh.PointCloud(points[keep], colours[keep])
-    cloud.vertex_attributes = {"sigma": sigma[keep].astype("f4")}  # written as those of a mesh are
-    cloud.export(path)
-    return len(cloud.vertices)
+    save_ply(path, points[keep], colours[keep], {"sigma": sigma[keep]})
+    return int(keep.sum())

@@ -30,6 +30,7 @@ from fpputil.capture.quality import (
     Noise,
     Reason,
     judge,
+    mark,
     noise_of,
     noise_of_curves,
     phase_noise,
@@ -270,7 +271,7 @@ def measure(
         mean = code_offset(reading, phis[0], fringes[0], reason == Reason.GOOD)
         offsets = np.append(np.angle(mean) / unwrap.TWO_PI, offsets)
         sharpness = np.append(np.abs(mean), sharpness)
-        reason[(reason == Reason.GOOD) & ~sure] = Reason.UNSURE
+        mark(reason, ~sure, Reason.UNSURE)
     finest, good = int(np.argmin([f.pitch for f in fringes])), reason == Reason.GOOD
     if spatial and good.any():
         Phis = [unwrap.spatial(phis[0], good)]

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from scipy.special import chdtr, chdtri
 
+from fpputil.capture.faults.consistency import without
 from fpputil.capture.faults.curve import Fit
 from fpputil.decoding.unwrap import TWO_PI, beats_of, covers, guard_columns
 from fpputil.optics.fringes import WHITE, Fringe
@@ -121,18 +122,13 @@ def _scatter(frames, threshold) -> tuple[np.ndarray, np.ndarray]:
     if highest > 1:
         out = (spectrum[highest] * turn.conj() ** highest).imag
         for times in (steps, 2 * steps):  # harmonics N - k, N + k ... of a response look like k
-            out = _without(out, np.abs(spectrum[1]) * (turn**times).imag)
+            out = without(out, np.abs(spectrum[1]) * (turn**times).imag)
         return 2 / steps * out**2, use
     if steps == 4:
         cosine, second = (turn**2).real, spectrum[2].real
-        second = _without(second, np.abs(spectrum[1]) * cosine)
+        second = without(second, np.abs(spectrum[1]) * cosine)
         return second**2 / 4, use & (np.abs(cosine) < IN_STEP)
     return np.zeros(frames.shape[1]), np.zeros(frames.shape[1], bool)
-
-
-def _without(values, along):
-    """Values less what of them goes with others, (S,) both."""
-    return values - along * ((along @ values) / max(along @ along, 1e-9))
 
 
 def _line(points) -> Noise:
@@ -191,7 +187,7 @@ def judge(
     for apart, sigma in parted(Phis, pitches, sigmas, method, width):
         turns = np.exp(1j * TWO_PI * apart[few][tell])
         means.append(turns.mean() if turns.size else 0)
-        _mark(reason, ~((np.abs(apart) < UNSURE) & (CERTAIN * sigma < 0.5)), Reason.UNSURE)
+        mark(reason, ~((np.abs(apart) < UNSURE) & (CERTAIN * sigma < 0.5)), Reason.UNSURE)
     means = np.array(means[: len(fits) - 1], complex)
     finest = int(np.argmin(pitches))
     column = Phis[finest] * np.float32(pitches[finest] / TWO_PI)
@@ -200,7 +196,7 @@ def judge(
         typical = [float(np.median(sigma[few][good])) for sigma in sigmas]
         guard = _guard(pitches, typical, method, width)
     inside = np.abs(column - np.float32((width - 1) / 2)) <= np.float32(width / 2 - guard)
-    _mark(reason, ~inside, Reason.OUTSIDE)
+    mark(reason, ~inside, Reason.OUTSIDE)
     return reason, sigmas, np.angle(means) / TWO_PI, np.abs(means)
 
 
@@ -253,7 +249,7 @@ def _guard(pitches, sigmas, method: str, width: float) -> float:
     return min(guard_columns(noise, longest) + max(width - longest, 0), width / 4)
 
 
-def _mark(reason, fault, why: Reason) -> None:
+def mark(reason, fault, why: Reason) -> None:
     """Give a reason to the pixels that have none yet."""
     reason[fault & (reason == Reason.GOOD)] = why
 
@@ -266,9 +262,9 @@ def _look(one: Fit, steps: int, noise: Noise, threshold, reason, share) -> np.nd
     B, variance = one.modulation, noise.variance(one.average)
     left = np.sqrt(np.maximum(one.residual - share * B**2, 0))
     scattered = left > SCATTER * B + 3 * np.sqrt(variance)
-    _mark(reason, ~(B > threshold), Reason.DARK)
-    _mark(reason, one.clipped > CLIPPED * steps, Reason.SATURATED)
-    _mark(reason, scattered, Reason.SCATTERED)
+    mark(reason, ~(B > threshold), Reason.DARK)
+    mark(reason, one.clipped > CLIPPED * steps, Reason.SATURATED)
+    mark(reason, scattered, Reason.SCATTERED)
     return phase_noise(one, steps, noise)
 
 
@@ -295,7 +291,7 @@ def _mark_unsteady(B, other, sigma, turns, reason) -> None:
         change -= near / share
         if (np.abs(change[good]) > limit[good]).mean() > RIPPLED if good.any() else False:
             change -= _ripple(change, turns, good)
-        _mark(reason, np.abs(change) > limit, Reason.UNSTEADY)
+        mark(reason, np.abs(change) > limit, Reason.UNSTEADY)
 
 
 def _ripple(change, turns, good) -> np.ndarray:

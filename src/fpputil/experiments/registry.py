@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from fpputil.dataset.augmentation import Augmentation
 from fpputil.learning.config import TrainingConfig
 from fpputil.networks.losses import Weights
-from fpputil.networks.methods import METHODS, Method
+from fpputil.networks.methods import METHODS, Method, settings_of
 
 CAMERA = Augmentation(gain=(0.8, 1.2), noise=(0.0, 1.0))
 _SHORT = TrainingConfig(
@@ -197,10 +197,9 @@ def experiments(preset: str) -> dict[str, Experiment]:
     (48, 'sfnet')
     """
     runs = {
-        name: Experiment(method, name if name in SEARCHED else name.partition("-")[0])
+        name: Experiment(method, name if name in SEARCHED else settings_of(method)["method"])
         for name, method in methods(preset).items()
     }
-    runs["best"] = replace(runs["best"], kind="sfnet")
     for seed in (1, 2):
         runs |= {seeded_name(name, seed): replace(runs[name], seed=seed) for name in SEEDS}
     return runs

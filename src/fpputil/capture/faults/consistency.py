@@ -44,8 +44,7 @@ def curve_of(frames, keep=None, flicker: bool = False) -> tuple[np.ndarray, np.n
     """
     number = len(frames)
     keep = list(range(number)) if keep is None else keep
-    delta = 2 * np.pi * np.array(keep) / number
-    terms = np.stack([np.ones_like(delta), np.cos(delta), np.sin(delta)], 1)
+    delta, terms = _sinusoid(np.array(keep), number)
     solve = np.linalg.pinv(terms)
     across = np.eye(len(keep)) - terms @ solve  # takes the sinusoid away
     orders = np.arange(2, min((number - 1) // 2, ORDERS) + 1)
@@ -154,13 +153,12 @@ def doubled(frames) -> tuple[int, int] | None:
     The first is the one without which a curve leaves less.
     """
     grey = np.asarray(frames, float)
-    delta = 2 * np.pi * np.arange(len(grey)) / len(grey)
-    terms = np.stack([np.ones_like(delta), np.cos(delta), np.sin(delta)], 1)
+    _, terms = _sinusoid(np.arange(len(grey)), len(grey))
     curve = terms @ (np.linalg.pinv(terms) @ grey)
     found = {}
     for a, b in combinations(range(len(grey)), 2):
-        should = np.sqrt(np.mean(_unlike(curve[a], curve[b]) ** 2))
-        found[a, b] = np.sqrt(np.mean(_unlike(grey[a], grey[b]) ** 2)) / max(should, LOUD)
+        should = np.sqrt(np.mean(without(curve[b], curve[a]) ** 2))
+        found[a, b] = np.sqrt(np.mean(without(grey[b], grey[a]) ** 2)) / max(should, LOUD)
     best = min(found, key=found.get)
     if found[best] >= SAME:
         return None
@@ -168,6 +166,12 @@ def doubled(frames) -> tuple[int, int] | None:
     return tuple(sorted(best, key=lambda n: np.mean(left[n])))
 
 
-def _unlike(one, other):
-    """What one photograph has that the other has not, but for its brightness."""
-    return other - one * ((one @ other) / max(one @ one, 1e-9))
+def _sinusoid(steps, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts of some of so many steps, radians, (K,), and the terms of a sinusoid there, (K, 3)."""
+    delta = 2 * np.pi * steps / number
+    return delta, np.stack([np.ones_like(delta), np.cos(delta), np.sin(delta)], 1)
+
+
+def without(values, along):
+    """Values (S,) less what of them goes with others, (S,): of a photograph, but its brightness."""
+    return values - along * ((along @ values) / max(along @ along, 1e-9))

@@ -268,13 +268,10 @@ def response_of(samples, fringes, white, black) -> Response:
     found = []
     if few and white is not None and black is not None:
         with suppress(ValueError):  # another light, or too bright
-            gamma, told = (
-                gamma_of_plain(samples, white, black),
-                "photographs in plain light and none",
-            )
-            return (
-                Response(gamma, black, white, told) if abs(np.log(gamma)) > LINEAR else Response()
-            )
+            gamma = gamma_of_plain(samples, white, black)
+            if abs(np.log(gamma)) <= LINEAR:
+                return Response()
+            return Response(gamma, black, white, "photographs in plain light and none")
     with suppress(ValueError):  # no gamma does it
         gamma = gamma_of_few(samples) if few else estimate_gamma(samples[-1])
         found.append(Response(gamma, told=f"the second harmonic of {fringes[0].steps} steps"))

@@ -140,6 +140,33 @@ FINDINGS = {
 }
 """Of each finding by its code what is the matter, and what to do about it."""
 
+POINT_FINDINGS = {
+    "range": (
+        "{share:.0%} of the pixels in the mask have no depth from {span} ({near:.0%} lie nearer, "
+        "{far:.0%} farther)",
+        "give the system that was calibrated with this very rig; or, if things stand outside its "
+        "measuring range, set z_min and z_max in its file",
+    ),
+    "beam": (
+        "{share:.0%} of the points lie where the projector of the system sends no light",
+        "the system is of another rig, or something moved since: calibrate this one",
+    ),
+    "apart": (
+        "columns and rows contradict each other by {apart:.1f} projector pixels (median)",
+        "the system is of another rig, or something moved since: calibrate this one",
+    ),
+    "blunt": (
+        "by this system {other}s would tell the depth {times:.0f} times as sharply as these "
+        "{axis}s",
+        "project fringes along {other}s, or along both axes (fpp patterns --axis both)",
+    ),
+    "vague": (
+        "the depth is uncertain by {sigma:.2g} mm (median)",
+        "set camera and projector farther apart, take more steps or light, or a shorter pitch",
+    ),
+}
+"""Of each finding about points by its code what is the matter, and what to do about it."""
+
 LOST = {
     Reason.SCATTERED: (
         "their steps lie on no sinusoid",
@@ -178,10 +205,11 @@ FOLLOW = {
 
 
 class Finding(NamedTuple):
-    """What speaks against a capture: a key of `FINDINGS`, what is the matter, what to do about it.
+    """What speaks against a capture: its code, what is the matter, what to do about it.
 
-    With a severe one the phases are wrong, not only noisier or fewer. `axis` is that of the
-    fringes, "" if there is but one.
+    The code is a key of `FINDINGS` or `POINT_FINDINGS`. With a severe one the phases, or the
+    points, are wrong, not only noisier or fewer. `axis` is that of the fringes, "" if there is but
+    one.
     """
 
     code: str
@@ -198,5 +226,5 @@ class Finding(NamedTuple):
 
 def finding_of(code: str, severe: bool | None = None, **values) -> Finding:
     """A finding by its code, its texts filled in with values."""
-    message, remedy = (text.format(**values) for text in FINDINGS[code])
+    message, remedy = (text.format(**values) for text in (FINDINGS | POINT_FINDINGS)[code])
     return Finding(code, code in SEVERE if severe is None else bool(severe), message, remedy)
