@@ -32,7 +32,7 @@ def one_line(error: BaseException) -> str:
 
 
 def _is_number(value, least: float) -> bool:
-    real = isinstance(value, Real) and not isinstance(value, bool)
+    real = type(value) is float or (isinstance(value, Real) and not isinstance(value, bool))
     return real and least <= value <= sys.float_info.max  # of whole numbers, too
 
 
@@ -132,7 +132,10 @@ def conform(name: str, value, form: Form) -> None:
         forms = form if number is not None else form * len(value)
         entries = [(k, entry, forms[k]) for k, entry in enumerate(value)]
     for key, entry, each in entries:
-        conform(_inside(name, key), entry, each)
+        try:  # results hold a million numbers: no name is made for those that are right
+            conform("", entry, each)
+        except ValueError:
+            conform(_inside(name, key), entry, each)
 
 
 def _inside(name: str, key) -> str:

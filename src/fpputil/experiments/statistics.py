@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from fpputil.experiments.registry import SEEDS, seeded_name
 from fpputil.learning.metrics import draws_of_models
@@ -127,7 +127,7 @@ def interval(values: np.ndarray, by_seeds: float, freedom: float) -> Interval:
 
     Without degrees of freedom models alone count.
     """
-    moved = student.ppf(0.975, freedom) * by_seeds if freedom else 0.0
+    moved = stdtrit(freedom, 0.975) * by_seeds if freedom else 0.0
     half = math.hypot(1.96 * values[1:].std(), moved)
     return Interval(float(values[0]), float(values[0] - half), float(values[0] + half))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from scipy.stats import kendalltau
-
 from fpputil.experiments import statistics
 from fpputil.experiments.registry import ROWS
 from fpputil.experiments.statistics import IN_RANGE, MEASURES, Interval, seeds_of
@@ -141,6 +139,8 @@ def differences_table(rows: Sequence[Row]) -> Table:
 
 def agreement(rows: Sequence[Row]) -> tuple[float, float]:
     """Kendall's tau of the paper's MAE and ours over rows, and its p-value."""
+    from scipy.stats import kendalltau  # a third of a second
+
     pairs = [(row.paper[0], row.measures["mae_rad"][0]) for row in rows if row.paper]
     tau = kendalltau(*zip(*pairs, strict=True))
     return float(tau.statistic), float(tau.pvalue)

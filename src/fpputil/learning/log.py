@@ -5,16 +5,18 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
-from fpputil import plotting
 from fpputil.files import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def write_log(out: Path, history: list[dict]) -> None:
     """Write log.csv and curve.png, one row an epoch with equal keys, each whole or not at all."""
+    from matplotlib.figure import Figure  # half a second that reading results need not wait
+
     text = io.StringIO()
     table = csv.DictWriter(text, history[0].keys(), lineterminator="\n")
     table.writeheader()
@@ -41,6 +43,8 @@ def read_log(path: str | Path) -> list[dict[str, float]]:
 
 def plot_log(axes: list[Axes], history: list[dict]) -> None:
     """Loss, validation MAE and wrong orders against images seen, on three axes."""
+    from fpputil.plotting import COLOURS
+
     images = [row["images"] for row in history]
     curves = (
         ("total", "training loss", 1, 0),
@@ -49,5 +53,5 @@ def plot_log(axes: list[Axes], history: list[dict]) -> None:
     )
     for ax, (key, title, scale, colour) in zip(axes, curves, strict=True):
         values = [scale * row[key] for row in history]
-        ax.plot(images, values, ".-", color=plotting.COLOURS[colour])
+        ax.plot(images, values, ".-", color=COLOURS[colour])
         ax.set(title=title, xlabel="images seen", yscale="log" if min(values) > 0 else "linear")

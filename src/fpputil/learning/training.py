@@ -290,12 +290,12 @@ def claim(out: Path, config: dict, resume: bool) -> None:
 
 def check_start(start: Trained, method: Method) -> None:
     """ValueError if the network to begin with has another architecture."""
-    aside = {"weights": None, "dropout": None}
+    aside = {"weights": None, "dropout": None, "reference": None}
     pair = (settings_of(m) | aside for m in (start.method, method))
     for name, before, now in _differences(*pair):
         raise ValueError(
             f"a network with {name} {before} to begin with given, and one with {now} is to be "
-            "trained; only losses and dropout may differ"
+            "trained; only losses, dropout and reference may differ"
         )
 
 
