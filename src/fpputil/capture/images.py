@@ -30,7 +30,7 @@ OVERSHOOT = 1.1  # of floats above full scale, by sharpening or by a change of t
 
 # What is wrong with a file is told by an error, and only once.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
-cv2.setLogLevel(0)
+getattr(cv2.utils, "logging", cv2).setLogLevel(0)  # where OpenCV 4.14 has it, and 4.11
 
 
 class Levels(NamedTuple):
