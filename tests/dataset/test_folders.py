@@ -62,7 +62,7 @@ def test_there_and_back(small_set, exported, tmp_path):
         )
     sensitive = before.store.system.columns_per_mm(650.0) > 0.1
     bright = both.numpy() & sensitive & (a["modulation"].numpy() > 20)
-    assert np.abs(b["depth"] - a["depth"]).numpy()[bright].max() < 0.5
+    assert (b["depth"] - a["depth"]).abs().numpy()[bright].max() < 0.5
 
 
 @pytest.mark.slow

@@ -38,16 +38,17 @@ def test_padding_costs_too_and_the_network_stays_as_it_was():
 
 
 def test_the_figure_of_the_book_is_what_its_script_writes(tmp_path):
-    """Byte by byte, and its labels are the shapes that hooks of the forward pass see."""
+    """But for the names of clips; and its labels are the shapes that hooks of a pass see."""
     runpy.run_path(BOOK / "figures/architecture.py")["write"](tmp_path / "sfnet.svg")
-    written = (BOOK / "assets/sfnet.svg").read_bytes()
-    assert (tmp_path / "sfnet.svg").read_bytes() == written
+    pictures = [(folder / "sfnet.svg").read_text() for folder in (tmp_path, BOOK / "assets")]
+    again, written = (re.sub("p[0-9a-f]{10}", "p", picture) for picture in pictures)
+    assert again == written
     network, shapes = SFNetMethod().network().eval(), set()
     for level in (*network.encoders[0].levels, *network.decoders[1].levels):
         level.register_forward_hook(lambda _, x, y: shapes.add(tuple(y.shape[1:])))
     network.decoders[0].register_forward_pre_hook(lambda _, x: shapes.add(tuple(x[0].shape[1:])))
     with torch.no_grad():
         network(torch.zeros(1, 2, 120, 160))
-    labels = re.findall(r"(\d+) × (\d+) × (\d+)", written.decode())
+    labels = re.findall(r"(\d+) × (\d+) × (\d+)", written)
     labels = {tuple(map(int, label)) for label in labels}
     assert shapes <= labels <= shapes | {(1, 128, 160), (2, 128, 160)}

@@ -288,7 +288,7 @@ def test_losses_of_photographs_against_loops(small_set):
                     number = 5 if method is ALL["sido"] else 15
                     got = out[:5, v, u] if number == 5 else out[part, :, v, u]
                     M, D = (batch[x][k, at, v, u] for x in "MD")
-                    phi, B = -math.atan2(M, D), batch["modulation"][k, v, u]
+                    phi, B = -math.atan2(M, D), float(batch["modulation"][k, v, u])
                     light = B * (1 + np.cos(phi + TWO_PI * np.arange(number) / number))
                     e = got - (np.asarray(light) - low) / (high - low)
                     frames.append(np.mean((e if number == 5 else e[1:]) ** 2))

@@ -106,7 +106,7 @@ class System:
 
         Examples
         --------
-        >>> [round(table2(160).columns_at(z)[60, 80], 1) for z in (480.0, 820.0)]
+        >>> [float(table2(160).columns_at(z)[60, 80].round(1)) for z in (480.0, 820.0)]
         [397.3, 484.2]
         """
         return self.projector.project(self.points_at(z))[..., 0]

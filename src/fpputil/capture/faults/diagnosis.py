@@ -156,7 +156,7 @@ def _repeated(m, capture) -> Iterator[Finding]:
             one, other = (files[n] for n in pair)
             same = f"; it is the picture of {other}"
             if len(frames) < STEPS[0]:  # which of both is wrong, so few do not tell
-                one, same = f"{one} or {other}", "; both are one picture"
+                one, same = " or ".join(sorted((one, other))), "; both are one picture"
             yield finding_of("frame", files=one, fringe=fringe, same=same)
         elif len(frames) < STEPS[0]:
             continue
