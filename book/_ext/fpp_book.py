@@ -240,6 +240,7 @@ def share_runtime(app, pagename, templatename, context, doctree):
 
 REMOTE = re.compile(r"(https?:)?//", re.IGNORECASE)
 REMOTE_CSS = re.compile(r"(?:url\(|@import)\s*['\"]?((?:https?:)?//[^'\")\s]+)", re.IGNORECASE)
+UNUSED = ("core", "latest", "loader", "startup", "input/", "output/chtml")  # parts of MathJax
 FONT_PRELOAD = re.compile(r'<link rel="preload" as="font"[^>]*>\s*')
 LOADED = {"script", "img", "iframe", "source", "video", "audio", "embed", "track", "object"}
 LINKED = {"stylesheet", "preload", "modulepreload", "prefetch", "icon", "manifest"}
