@@ -102,6 +102,14 @@ def test_what_is_unlike_the_training_is_named(pitches, camera, said, sphere_view
     assert found and all(any(f.startswith(s) for f in found) for s in said)
 
 
+def test_a_range_longer_than_a_period_is_named(sphere_view, tiny):
+    about = Trained(SFNetMethod(base=2, levels=2, reference="mid"), None, ABOUT)
+    (said,) = warned(sphere_view, tiny, 24, 114, about=about)
+    assert "480 to 820 mm is longer than a period of pitch 114" in said
+    shorter = replace(tiny, system=replace(tiny.system, z_min=560, z_max=760))
+    assert warned(sphere_view, shorter, 24, 114, about=about) == []
+
+
 def test_saturation_is_a_share(sphere_view, tiny):
     found = warned(sphere_view, tiny, 24, 304, gain=3.0)
     assert any("of the lit pixels are saturated at 255" in f for f in found)

@@ -9,8 +9,10 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import grey_closing, grey_opening
 
+from fpputil.decoding.geometric_constraint import phase_range
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.decoding.triangulation import column, depth_of, triangulate
+from fpputil.decoding.unwrap import TWO_PI
 from fpputil.learning.evaluation import moved, predict_batch
 from fpputil.learning.uncertainty import Uncertainty, doubt_of
 from fpputil.learning.weights import Trained, check_rig
@@ -19,6 +21,7 @@ from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import Pitches, System
 
 ALIKE = 0.97  # correlation of photographs of one pitch
+LONG = 0.02  # share of pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +180,9 @@ def predict(
 def warnings(photographs: CheckedPhotographs) -> list[str]:
     """What is unlike the photographs of the training, in sentences."""
     mask = fringes_seen(photographs)
-    levels, pitches = _odd_levels(photographs, mask), _odd_pitches(photographs, mask)
-    return list(dict.fromkeys([*_odd_size(photographs), *levels, *pitches]))
+    odd = (_odd_levels, _odd_pitches, _long_range)
+    sentences = [sentence for each in odd for sentence in each(photographs, mask)]
+    return list(dict.fromkeys([*_odd_size(photographs), *sentences]))
 
 
 def _odd_size(photographs) -> Iterator[str]:
@@ -206,6 +210,22 @@ def _odd_levels(photographs, mask) -> Iterator[str]:
                 f"photograph {k}: dark is grey level {dark:.0f}, in training {low:g}; keep other "
                 "light out, or subtract a photograph without the projector's"
             )
+
+
+def _long_range(photographs, mask) -> Iterator[str]:
+    """Where the longer of several pitches cannot tell its own order within the measuring range."""
+    system = photographs.system
+    pitches = {getattr(photographs.pitches, name) for name in photographs.names}
+    pitch = max(pitches)
+    if len(pitches) == 1 or pitch >= system.projector.width:
+        return
+    low, high = phase_range(system, pitch)
+    if (share := np.mean((high - low >= TWO_PI)[mask])) > LONG:
+        yield (
+            f"the measuring range of {system.z_min:g} to {system.z_max:g} mm is longer than a "
+            f"period of pitch {pitch:g} at {share:.0%} of the pixels with fringes: points may be a "
+            "period off there; give a system with a shorter range, if your object needs no more"
+        )
 
 
 def _odd_pitches(photographs, mask) -> Iterator[str]:
