@@ -45,7 +45,7 @@ def warned(view, tiny, *pitches, about=SFNET, **camera):
 
 
 def test_depth_of_a_sphere(trained, sphere_view, tiny):
-    shown = check_photographs(trained, shoot(sphere_view, 24, 304), tiny.system)
+    shown = check_photographs(trained, shoot(sphere_view, 24, 114), tiny.system)
     found = predict(trained, shown, precision="float32")
     depth = sphere_view.depth
     at = np.where(sphere_view.mask, depth, 650)
@@ -62,7 +62,7 @@ def test_depth_of_a_sphere(trained, sphere_view, tiny):
 
 
 def test_16_bit_weights_measure_alike(trained, sphere_view, tiny):
-    shown = check_photographs(trained, shoot(sphere_view, 24, 304), tiny.system)
+    shown = check_photographs(trained, shoot(sphere_view, 24, 114), tiny.system)
     fine, coarse = (predict(trained, shown, "cpu", p) for p in ("float32", "bfloat16"))
     assert np.nanmedian(np.abs(fine.Phi - coarse.Phi)) < 0.05
     assert next(trained.network.parameters()).dtype is torch.float32
@@ -211,7 +211,7 @@ def test_grey_levels_go_in_as_in_the_training(sphere_view, tiny):
 
 def test_points_lie_in_the_measuring_range(trained, sphere_view, tiny):
     near = replace(tiny.system, z_max=600.0)
-    found = predict(trained, check_photographs(trained, shoot(sphere_view, 24, 304), near))
+    found = predict(trained, check_photographs(trained, shoot(sphere_view, 24, 114), near))
     inside = np.isfinite(found.points).all(axis=-1)
     np.testing.assert_array_equal(inside, (found.depth >= 480) & (found.depth <= 600))
     assert 0 < inside.sum() < found.mask.sum()

@@ -480,7 +480,7 @@ def test_a_run_begins_with_a_network_that_is_given(whole, small_set, tmp_path):
         fit(METHOD, small_set, first, tmp_path, resume=True)
     with pytest.raises(ValueError, match="to begin with given"):
         fit(replace(METHOD, base=3), small_set, first, start=trained)
-    other = replace(METHOD, weights=Weights(order=False))
+    other = replace(METHOD, weights=Weights(order=False), reference="mid")
     fit(other, small_set, replace(first, training_views=5), start=trained)
 
 

@@ -17,6 +17,8 @@ def write_log(out: Path, history: list[dict]) -> None:
     """Write log.csv and curve.png, one row an epoch with equal keys, each whole or not at all."""
     from matplotlib.figure import Figure  # half a second that reading results need not wait
 
+    import fpputil.plotting  # noqa: F401  # the style of the book
+
     text = io.StringIO()
     table = csv.DictWriter(text, history[0].keys(), lineterminator="\n")
     table.writeheader()

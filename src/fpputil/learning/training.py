@@ -61,7 +61,8 @@ def fit(
         epoch under way. Float32 weights end as if it had never stopped, on the same kind of
         device with as many threads.
     start : Trained, optional
-        A network of the same method to begin with, instead of random weights.
+        A network of the same method to begin with, instead of random weights; losses, dropout
+        and reference may differ.
     workers : int
         Processes that load data beside this one.
     device : str, optional
