@@ -39,7 +39,7 @@ test: install ## prove it: style, unit tests, every chapter, every page; ALL=1: 
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests --ignore=tests/book $(FAST) $(TWO) # a fifth faster than with two threads each
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --doctest-modules src --ignore=src/fpputil/cli/__main__.py -q
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest $(NBVAL) --nbval-current-env --nbval-sanitize-with tests/nbval.cfg $(TWO) $(CHAPTERS)
-	$(BIN)/python -m pytest tests/book $(TWO)
+	$(BIN)/python -m pytest tests/book $(FAST) $(TWO)
 	@echo; echo "All proved."
 
 pages: install ## render the pages from the stored outputs, executing nothing

@@ -279,9 +279,8 @@ def test_a_prediction_is_open_at_an_anchor_in_it(page, site):
 
 def test_a_prediction_is_open_in_print_and_without_javascript(page, site, browser):
     page.emulate_media(media="print")
-    assert (
-        page.evaluate(VISIBLE, "The answer.") and not page.locator(".fpp-show").first.is_visible()
-    )
+    page.wait_for_function(VISIBLE, arg="The answer.")  # the page hears of it a moment later
+    assert not page.locator(".fpp-show").first.is_visible()
     context = browser.new_context(java_script_enabled=False)
     plain = context.new_page()
     plain.goto(site.as_uri())

@@ -10,6 +10,7 @@ import nbformat
 import pytest
 
 ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.slow  # each builds a book in a process of its own
 COUNTER = "from pathlib import Path\nwith Path('runs').open('a') as f:\n    f.write('x')"
 
 
