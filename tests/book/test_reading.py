@@ -42,6 +42,9 @@ def test_pictures_are_as_drawn_on_a_dark_page(opened):
     pictures[0].click()
     for picture in (*pictures, page.query_selector(f"{LARGE}[open] img")):
         assert picture.evaluate(STYLES) == ["none", "rgba(0, 0, 0, 0)", "0px"]
+    tables = page.query_selector_all("div.cell_output .text_html:has(> table)")
+    grounds = {table.evaluate("e => getComputedStyle(e).backgroundColor") for table in tables}
+    assert tables and grounds == {"rgba(0, 0, 0, 0)"}
 
 
 def test_figures_are_stored_without_a_ground(html):
