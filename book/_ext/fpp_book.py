@@ -280,11 +280,14 @@ def drop_thebe(app, pagename, templatename, context, doctree):
 
 
 def drop_what_no_page_loads(app, exception):
-    # 14 MB of MathJax in other formats, and 16 MB of notebooks whose editions are offered instead.
+    # 15 MB of MathJax: other bundles, parts that its bundle holds already, formats that no page is
+    # written in; and 16 MB of notebooks whose editions are offered instead.
     if exception is None and app.builder.format == "html":
         out, loaded = Path(app.outdir), Path(app.config.mathjax_path).name
-        bundles = [p for p in (out / "_static/mathjax").glob("*-*.js") if p.name != loaded]
-        for file in [*bundles, *(out / "_sources").rglob("*.ipynb")]:
+        mathjax = out / "_static/mathjax"
+        bundles = [p for p in mathjax.glob("*-*.js") if p.name != loaded]
+        others = [p for name in UNUSED for p in mathjax.glob(f"{name}*.js")]
+        for file in [*bundles, *others, *(out / "_sources").rglob("*.ipynb")]:
             file.unlink()
 
 

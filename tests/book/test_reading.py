@@ -57,6 +57,12 @@ def test_figures_are_stored_without_a_ground(html):
     assert len(corners) > 50 and sum(corners) == 0
 
 
+def test_the_site_is_light(html):
+    sizes = {path: path.stat().st_size for path in html.rglob("*") if path.is_file()}
+    scripts = sum(size for path, size in sizes.items() if path.suffix == ".js")
+    assert scripts < 6e6 and sum(sizes.values()) < 60e6
+
+
 def test_a_click_enlarges_a_picture(opened):
     page = opened(PHASE)
     picture = page.query_selector(PICTURE)
