@@ -26,6 +26,7 @@ from fpputil.optics import Fringe, fringe_set, preset, raycast, shapes
 from fpputil.optics.parts import part
 
 ROOT = Path(__file__).parents[1]
+WEIGHTS = Path("data/weights/sfnet-tiny.safetensors")  # a module is run from the root
 MOVED = (0.0, 0.1, 0.3, 1.0, 2.0, 5.0)  # mm from one photograph to the next
 DIRECTIONS = {"sideways": (1.0, 0.0, 0.0), "towards": (0.0, 0.0, -1.0)}
 FIRST, STEPS, NOISE = 8_000_000, 4, 1.0
@@ -37,6 +38,7 @@ class Body:
     """A part in a pose; `at` sees it moved by so many mm."""
 
     def __init__(self, number: int, direction):
+        self.number = number
         rng = np.random.default_rng((FIRST, number))
         turn = shapes.rotation(*(60 * rng.integers(6, size=2)))
         self.mesh = shapes.place(part(FIRST + number), rotation=turn)
@@ -49,29 +51,30 @@ class Body:
             self.views[moved] = raycast(mesh, RIG.system)
         return self.views[moved]
 
+    def photographs(self, shots, moved: float) -> np.ndarray:
+        """Photographs (N, H, W) of shots (fringe, step), moved by so much from one to the next."""
+        seed = FIRST + 100 * self.number
+        return np.concatenate(
+            [
+                self.at(k * moved).frames(fringe, NOISE, seed + k, steps=[step])
+                for k, (fringe, step) in enumerate(shots)
+            ]
+        )
 
-def by_network(trained, geometry, body: Body, moved: float, number: int):
+
+def by_network(trained, geometry, body: Body, moved: float):
     """Phi (H, W) of a network's photographs, one a shot, and where its fine photograph stands."""
-    shots = [
-        body.at(k * moved).frames(
-            Fringe(getattr(RIG.pitches, name), steps), NOISE, FIRST + 100 * number + k, steps=[step]
-        )[0]
-        for k, (name, steps, step) in enumerate(trained.method.photographs)
-    ]
+    names = trained.method.photographs
+    shots = [(Fringe(getattr(RIG.pitches, name), steps), step) for name, steps, step in names]
     low, high = trained.metadata["extremes"]
-    frames = (np.stack(shots).astype(np.float32) - low) / (high - low)
+    frames = (body.photographs(shots, moved).astype(np.float32) - low) / (high - low)
     return predict_batch(trained, frames[None], geometry)[0].Phi_in_range, 0.0
 
 
-def by_steps(geometry, body: Body, moved: float, number: int):
+def by_steps(geometry, body: Body, moved: float):
     """Phi (H, W) of twelve photographs, the fine ones last, and where those stand on average."""
-    shots = [
-        body.at(k * moved).frames(
-            FULL[k // STEPS], NOISE, FIRST + 100 * number + k, steps=[k % STEPS]
-        )[0]
-        for k in range(len(FULL) * STEPS)
-    ]
-    found = decode(np.stack(shots), FULL, RIG.system.projector.width)
+    shots = [(fringe, step) for fringe in FULL for step in range(STEPS)]
+    found = decode(body.photographs(shots, moved), FULL, RIG.system.projector.width)
     Phi = geometry.confined(torch.as_tensor(found.Phi, dtype=torch.float32)[None])[0].numpy()
     return Phi, moved * ((len(FULL) - 1) * STEPS + (STEPS - 1) / 2)
 
@@ -83,7 +86,7 @@ def errors(Phi, view, mask) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("weights", type=Path, nargs="+", help="files of weights, at tiny")
+    parser.add_argument("weights", type=Path, nargs="*", default=[WEIGHTS], help="at tiny")
     parser.add_argument("--bodies", type=int, default=40)
     parser.add_argument("--out", type=Path, default=ROOT / "data/results/motion.json")
     given = parser.parse_args()
@@ -94,12 +97,12 @@ def main() -> None:
         bodies = [Body(k, towards) for k in range(given.bodies)]
         for moved in MOVED:
             off = {name: [] for name in (*networks, "twelve")}
-            for k, body in enumerate(bodies):
+            for body in bodies:
                 ways = {
-                    name: by_network(trained, geometry, body, moved, k)
+                    name: by_network(trained, geometry, body, moved)
                     for name, trained in networks.items()
                 }
-                ways["twelve"] = by_steps(geometry, body, moved, k)
+                ways["twelve"] = by_steps(geometry, body, moved)
                 bright = body.at(0.0).shade * 255 / 2 > THRESHOLD
                 for name, (Phi, stands) in ways.items():
                     off[name].append(errors(Phi, body.at(stands), bright))

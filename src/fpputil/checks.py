@@ -132,10 +132,13 @@ def conform(name: str, value, form: Form) -> None:
         forms = form if number is not None else form * len(value)
         entries = [(k, entry, forms[k]) for k, entry in enumerate(value)]
     for key, entry, each in entries:
-        try:  # results hold a million numbers: no name is made for those that are right
-            conform("", entry, each)
-        except ValueError:
+        if not callable(each):
             conform(_inside(name, key), entry, each)
+            continue
+        try:  # results hold a million numbers: no name is made for those that are right
+            each("", entry)
+        except ValueError:
+            each(_inside(name, key), entry)
 
 
 def _inside(name: str, key) -> str:
