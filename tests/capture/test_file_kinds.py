@@ -8,7 +8,7 @@ import pytest
 import tifffile
 
 from fpputil.capture.faults.diagnosis import of_files
-from fpputil.capture.images import levels_of, read_pixels
+from fpputil.capture.files.images import levels_of, read_pixels
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture

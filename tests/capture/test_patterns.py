@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpputil.capture.patterns import Patterns, natural
+from fpputil.capture.files.names import natural
+from fpputil.capture.patterns import Patterns
 from fpputil.capture.virtual import photograph
 from fpputil.optics.fringes import Fringe, fringe_set
 from fpputil.optics.view import View

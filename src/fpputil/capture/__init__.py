@@ -5,8 +5,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "patterns": ["Patterns", "Shot"],
-        "images": ["Levels", "levels_of"],
+        "patterns": ["Patterns"],
+        "files.names": ["Shot"],
+        "files.images": ["Levels", "levels_of"],
         "photographs": ["Capture", "open_capture", "read_photograph"],
         "virtual": ["photograph", "photograph_into", "save_truth"],
         "faults.gamma": ["estimate_gamma", "harmonic_ratio", "linearise"],

@@ -16,7 +16,7 @@ from fpputil.calibration import Pose
 from fpputil.capture.depth import diagnose_points, locate, trusted
 from fpputil.capture.faults.diagnosis import diagnose, mirrored, of_files
 from fpputil.capture.faults.findings import MOUNTED, Finding
-from fpputil.capture.measurement import Measurement, check_projector, check_size, measure
+from fpputil.capture.measurement import Measurement, measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.relief import (
@@ -26,6 +26,7 @@ from fpputil.capture.relief import (
     remove_ground,
     save_relief,
 )
+from fpputil.capture.unwrapping import check_projector, check_size
 from fpputil.decoding.triangulation import depth_of
 from fpputil.files import folder_whole
 from fpputil.optics.system import System

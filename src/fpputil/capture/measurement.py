@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from fpputil.capture.coding import (
     Reading,
     cells_alone,
-    check_code,
     code_offset,
     read_code,
     unwrap_by_code,
@@ -24,7 +22,6 @@ from fpputil.capture.coding import (
 from fpputil.capture.faults.consistency import STEPS, flicker_of
 from fpputil.capture.faults.curve import LEAST_LIT, Response, blur_of, fit, lit_pixels, response_of
 from fpputil.capture.faults.gamma import LEAST_STEPS, linearise
-from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import (
     Noise,
@@ -36,9 +33,9 @@ from fpputil.capture.quality import (
     phase_noise,
     response_share,
 )
+from fpputil.capture.unwrapping import unwrapper
 from fpputil.checks import not_negative
 from fpputil.decoding import phase, unwrap
-from fpputil.decoding.geometric_constraint import minimum_phase, zmin_order
 from fpputil.decoding.triangulation import depth_of, in_range, triangulate
 from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
@@ -296,73 +293,6 @@ def measure(
         reading=reading,
         unwrapped_in_space=spatial,
     )
-
-
-def unwrapper(patterns: Patterns, axis: str, system=None, size=None) -> Callable | None:
-    """Function from P wrapped phases (H, W) to absolute ones, checked before any phase is there.
-
-    None of a Gray code, which has photographs of its own. ValueError if there is no fringe along
-    the axis, the pitches do not suit the unwrapping, or it needs a system that is not given.
-    """
-    pitches, width = [f.pitch for f in patterns.along(axis).values()], patterns.width(axis)
-    if patterns.unwrap == "gray":
-        check_code(patterns.code(axis)[1], pitches, width)
-        if pitches:
-            unwrap.check_pitches(pitches, pitches)
-        return None
-    if patterns.unwrap == "spatial":
-        if len(pitches) != 1:
-            raise ValueError(
-                f"{len(pitches)} pitches along the {axis}s given; spatial unwrapping takes one, "
-                "and several unwrap one another (mf, mw)"
-            )
-        return lambda phis: phis  # what is lit is known later
-    if patterns.unwrap != "minimum":
-        method = unwrap.TEMPORAL[patterns.unwrap]
-        try:
-            method(list(np.zeros((len(pitches), 1, 1))), pitches, width)
-        except ValueError as error:
-            other = unwrap.suggestion(patterns.unwrap, pitches, width)
-            raise ValueError(f"{error}{other}") from error
-        return lambda phis: method(phis, pitches, width)
-    if system is None or axis != "column":
-        lack = "no system" if system is None else "fringes along rows"
-        raise ValueError(
-            f'unwrap "minimum" with {lack} given; the minimum phase needs a calibrated system '
-            "and vertical fringes"
-        )
-    check_size(system, size)
-    unwrap.check_pitches(pitches, pitches)
-    Phi_min = minimum_phase(system, pitches[0]).astype(np.float32)
-
-    def unwrapped(phis):
-        Phis = [unwrap.absolute_phase(phis[0], zmin_order(phis[0], Phi_min))]
-        for phi, (longer, pitch) in zip(phis[1:], pairwise(pitches), strict=True):
-            K = unwrap.fringe_order(phi, Phis[-1], longer / pitch)
-            Phis.append(unwrap.absolute_phase(phi, K))
-        return Phis
-
-    return unwrapped
-
-
-def check_size(system: System, size: tuple[int, int]) -> None:
-    """ValueError unless photographs (height, width) are of the system's camera."""
-    camera = system.camera
-    if (camera.height, camera.width) != size:
-        raise ValueError(
-            f"a system of {camera.width} x {camera.height} pixels given; the photographs have "
-            f"{size[1]} x {size[0]}"
-        )
-
-
-def check_projector(system: System, size: tuple[int, int]) -> None:
-    """ValueError unless patterns of a size (width, height) are for the system's projector."""
-    projector = system.projector
-    if (projector.width, projector.height) != tuple(size):
-        raise ValueError(
-            f"patterns for a projector of {size[0]} x {size[1]} pixels given; the system has one "
-            f"of {projector.width} x {projector.height}: one of them is another rig's"
-        )
 
 
 def _read(capture: Capture, axis: str, gamma, each):

@@ -8,20 +8,15 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import tomllib
-import unicodedata
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from numbers import Integral, Real
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import NamedTuple
 
 import numpy as np
 
-from fpputil.capture.images import STACKS
+from fpputil.capture.files.names import Shot, all_names, check_names, per_fringe, shots_of
 from fpputil.checks import at_most, finite, positive
 from fpputil.decoding.unwrap import TEMPORAL
 from fpputil.files import write_whole
@@ -32,8 +27,6 @@ NAME = "patterns.toml"
 UNWRAP = (*TEMPORAL, "minimum", "gray", "spatial")
 ORDERS = ("fringe", "step")
 LARGEST = 2**15  # of a projector's sides: more is a slip of the hand
-FORMATS = {"axis": "s", "pitch": "g", "periods": "g", "step": "d", "number": "d"}
-FIELD = re.compile(r"\{(axis|pitch|periods|step|number)(?::(0?[1-9]))?\}")
 KEYS = (
     *("projector", "unwrap", "shift", "order", "files", "first", "white", "black", "gamma"),
     "fringes",
@@ -42,15 +35,6 @@ SAVED = ("axis", "pitch", "steps")
 CODE = ("axis", "cell", "bits", "shift", "inverse")
 FRINGE = ("axis", "pitch", "periods", "steps", "start")
 STARTS = {"cosine": 0.0, "sine": -90.0, "black": 180.0}  # degrees, of the first step at column 0
-
-
-class Shot(NamedTuple):
-    """A photograph: its fringe (-1 for plain light), its step, its file, and its page there."""
-
-    fringe: int
-    step: int
-    file: str
-    page: int = 0
 
 
 @dataclass(frozen=True)
@@ -141,27 +125,14 @@ class Patterns:
         axes = [self.axes.index(f.axis) for f in self.fringes]
         if axes != sorted(axes):
             raise ValueError("fringes of both axes mixed; those of one axis stand together")
-        object.__setattr__(self, "files", self._per_fringe(self.files))
-        for name in self._templates():
-            plain = FIELD.sub("", name)
-            if "{" in plain or "}" in plain:
-                raise ValueError(
-                    f"files {name!r} given; {{axis}}, {{pitch}}, {{step}} and {{number}} are "
-                    "known (and {periods}), with the least number of digits as in {step:02}"
-                )
-        fixed = not any("*" in name for name in self._templates())
-        names = [shot.file for shot in self.shots()] if fixed else []
-        twice = [name for name, number in Counter(names).items() if number > 1]
-        if twice := [name for name in twice if not name.lower().endswith(STACKS)]:
-            raise ValueError(
-                f"files {self.files!r} given; {twice[0]} would be several photographs: name the "
-                "axis, the pitch and the step where there are several"
-            )
+        steps = [f.steps for f in self.fringes]
+        object.__setattr__(self, "files", per_fringe(self.files, steps, self.in_time()))
+        check_names(self)
 
     @property
     def in_folders(self) -> bool:
         """Whether the photographs lie in folders inside that of the capture."""
-        return any("/" in name for name in (*self._templates(), self.white, self.black))
+        return any("/" in name for name in (*all_names(self.files), self.white, self.black))
 
     @property
     def axes(self) -> list[str]:
@@ -192,22 +163,19 @@ class Patterns:
             return math.inf
         return self.projector[0 if axis == "column" else 1]
 
+    def in_time(self) -> list[tuple[int, int]]:
+        """Fringe and step of all photographs in the order of time."""
+        pairs = [(k, n) for k, f in enumerate(self.fringes) for n in range(f.steps)]
+        if self.order == "step":
+            pairs.sort(key=lambda pair: (pair[1], pair[0]))
+        return pairs
+
     def shots(self, folder_names: Sequence[str] | None = None) -> list[Shot]:
         """All photographs in the order of time, plain light first.
 
         If `files` has a ``*``, it needs the names in the folder.
         """
-        pairs = self._in_time()
-        plain = [Shot(-1, n, file) for n, file in enumerate((self.white, self.black)) if file]
-        names, here = folder_names or (), {shot.file for shot in plain}
-        if isinstance(self.files, str) and "*" in self.files:
-            plain, named = self._matching(names, plain, len(pairs))
-        elif isinstance(self.files, str):
-            named = [self._name(*pair, number) for number, pair in enumerate(pairs, len(plain))]
-        else:
-            of = [self._of_fringe(k, [n for n in names if n not in here]) for k in self._numbers]
-            named = [of[k][n] for k, n in pairs]
-        return _paged(plain + [Shot(*pair, file) for pair, file in zip(pairs, named, strict=True)])
+        return shots_of(self, folder_names)
 
     def picture(self, shot: Shot) -> np.ndarray:
         """What the projector shows for a photograph, (height, width) uint8."""
@@ -281,126 +249,6 @@ class Patterns:
             RecursionError,
         ) as error:
             raise ValueError(f"{path}: {error}") from error
-
-    @property
-    def _numbers(self) -> range:
-        return range(len(self.fringes))
-
-    def _in_time(self) -> list[tuple[int, int]]:
-        """Fringe and step of all photographs in the order of time."""
-        pairs = [(k, n) for k, f in enumerate(self.fringes) for n in range(f.steps)]
-        if self.order == "step":
-            pairs.sort(key=lambda pair: (pair[1], pair[0]))
-        return pairs
-
-    def _per_fringe(self, files):
-        """One name, or a tuple with a name, or the names of all steps, of each fringe."""
-        if isinstance(files, str) or len(files) == 1:
-            return files if isinstance(files, str) else files[0]
-        pairs = self._in_time()
-        if len(files) == len(pairs) and all(isinstance(name, str) for name in files):
-            names = dict(zip(pairs, files, strict=True))
-            files = [[names[k, n] for n in range(f.steps)] for k, f in enumerate(self.fringes)]
-        if len(files) != len(self.fringes):
-            raise ValueError(
-                f"{len(files)} files given; one name for all, or for each of the "
-                f"{len(self.fringes)} fringes, or for each of the {len(pairs)} photographs is "
-                "needed"
-            )
-        for k, (file, fringe) in enumerate(zip(files, self.fringes, strict=True), 1):
-            if not isinstance(file, str) and len(file) != fringe.steps:
-                raise ValueError(
-                    f"{len(file)} files of fringe {k} given; it has {fringe.steps} steps"
-                )
-        return tuple(file if isinstance(file, str) else tuple(file) for file in files)
-
-    def _templates(self) -> list[str]:
-        """All names as they were given."""
-        given = (self.files,) if isinstance(self.files, str) else self.files
-        return [name for file in given for name in ((file,) if isinstance(file, str) else file)]
-
-    def _of_fringe(self, k: int, names: Sequence[str]) -> Sequence[str]:
-        """Names of the photographs of a fringe by step, out of those in the folder."""
-        fringe, file = self.fringes[k], self.files[k]
-        if not isinstance(file, str):
-            return file
-        if "*" not in file:
-            return [self._name(k, n, n) for n in range(fringe.steps)]
-        matching = _matches(names, file)
-        if len(matching) != fringe.steps:
-            raise ValueError(
-                f"{len(matching)} files match {file!r}; fringe {k + 1}, along the {fringe.axis}s, "
-                f"has {fringe.steps} steps"
-            )
-        return matching
-
-    def _name(self, k: int, n: int, number: int) -> str:
-        first = self.first[k] if isinstance(self.first, tuple) else self.first
-        fringe, step = self.fringes[k], n + first
-        values = {"axis": fringe.axis, "pitch": fringe.pitch, "step": step, "number": number}
-        if isinstance(fringe, GrayCode):
-            values |= {"pitch": "gray", "periods": "gray"}
-        else:
-            values["periods"] = self.width(fringe.axis) / fringe.pitch
-        file = self.files if isinstance(self.files, str) else self.files[k]
-        return FIELD.sub(lambda m: _formatted(values, *m.groups()), file)
-
-    def _matching(self, names: Sequence[str], plain: list[Shot], needed: int):
-        """Photographs in plain light, by name or the first of all, and names of the others."""
-        plain_names = {shot.file for shot in plain}
-        matching = _matches(names, self.files)
-        if plain_names & set(names):
-            matching = [n for n in matching if n not in plain_names]
-        elif len(matching) == needed + len(plain):
-            first, matching = matching[: len(plain)], matching[len(plain) :]
-            plain = [shot._replace(file=n) for shot, n in zip(plain, first, strict=True)]
-        if len(matching) != needed:
-            each = " + ".join(str(f.steps) for f in self.fringes)
-            raise ValueError(
-                f"{len(matching)} files match {self.files!r}; the fringes have {each} = {needed} "
-                f"steps, before which {len(plain)} photographs in plain light may stand (white and "
-                "black in the pattern file)"
-            )
-        return plain, matching
-
-
-def _formatted(values: dict, name: str, digits: str | None) -> str:
-    value = values[name]
-    return value if isinstance(value, str) else format(value, (digits or "") + FORMATS[name])
-
-
-def _matches(names: Sequence[str], pattern: str) -> list[str]:
-    """Those names that match a pattern with ``*``, which stands for no folder; in natural order."""
-    deep, pattern = pattern.count("/"), composed(pattern)
-    fit = (n for n in names if n.count("/") == deep and fnmatchcase(n, pattern))
-    return sorted(fit, key=natural)
-
-
-def _paged(shots: list[Shot]) -> list[Shot]:
-    """Shots of which those of one file take its pages one after the other."""
-    seen: Counter[str] = Counter()
-    paged = []
-    for shot in shots:
-        paged.append(shot._replace(page=seen[shot.file]))
-        seen[shot.file] += 1
-    return paged
-
-
-def composed(name: str) -> str:
-    r"""A name as others compare equal to it, whatever the system's encoding and way of accents.
-
-    UTF-8 that was taken for another encoding is decoded, and accents join their letters.
-
-    >>> composed("a\u0308") == composed("\udcc3\udca4") == "\xe4"
-    True
-    """
-    data = name.encode("utf-8", "surrogateescape")
-    return unicodedata.normalize("NFC", data.decode("utf-8", "surrogateescape"))
-
-
-def natural(name: str) -> list:
-    """Key that sorts step-2 before step-10."""
-    return [(int(p), p) if p.isdecimal() else (0, p) for p in re.split(r"([0-9]+)", name)]
 
 
 def _is_whole(value, least: int, most: float = float("inf")) -> bool:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import tifffile
 
-from fpputil.capture.images import (
+from fpputil.capture.files.images import (
     CHANNELS,
     READ,
     SUFFIXES,
@@ -24,7 +24,8 @@ from fpputil.capture.images import (
     pages_of,
     read_pixels,
 )
-from fpputil.capture.patterns import NAME, Patterns, Shot, composed
+from fpputil.capture.files.names import Shot, composed
+from fpputil.capture.patterns import NAME, Patterns
 from fpputil.checks import positive
 from fpputil.files import write_whole
 from fpputil.optics.fringes import WHITE

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fpputil.capture.patterns import NAME, Patterns, Shot
+from fpputil.capture.files.names import Shot
+from fpputil.capture.patterns import NAME, Patterns
 from fpputil.capture.photographs import write_photograph
 from fpputil.checks import seeded
 from fpputil.files import write_arrays

@@ -134,7 +134,7 @@ class Fringes:
 
         () is one of unknown size, None the usual one.
         """
-        from fpputil.capture.measurement import unwrapper
+        from fpputil.capture.unwrapping import unwrapper
 
         unwrap = self.unwrap or "mf"
         if self.pitches and self.periods:

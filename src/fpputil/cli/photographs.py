@@ -104,7 +104,7 @@ def patterns_of(folder: Path, names: Files, fringes: Fringes):
 
 def _composed(value):
     """Names in whatever encoding the terminal has."""
-    from fpputil.capture.patterns import composed
+    from fpputil.capture.files.names import composed
 
     if isinstance(value, list):
         return [_composed(one) for one in value]

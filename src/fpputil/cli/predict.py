@@ -103,7 +103,7 @@ def predict(
 
 def _frames(photo: list[Path], full: float | None, channel: str) -> tuple[list, list[str]]:
     """Photographs in float32 grey levels of 255, and what is to be said of their levels."""
-    from fpputil.capture.images import grey, levels_of, read_pixels
+    from fpputil.capture.files.images import grey, levels_of, read_pixels
     from fpputil.checks import positive
 
     images = [read_pixels(path) for path in photo]

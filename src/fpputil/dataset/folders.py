@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fpputil.capture.images import grey, read_pixels
+from fpputil.capture.files.images import grey, read_pixels
 from fpputil.checks import anything, one_line, one_or_more, parse_json
 from fpputil.dataset import layout
 from fpputil.dataset.generation import fill, new_plan, portable, split_by_model

@@ -29,7 +29,7 @@ from fpputil.capture.faults.mounting import (
     way,
     writing,
 )
-from fpputil.capture.images import CHANNELS, LOSSY, grey
+from fpputil.capture.files.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
