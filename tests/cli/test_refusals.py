@@ -42,7 +42,7 @@ def test_wrong_usage_is_two(words, said, refused):
     "options, said",
     [
         ("--models 0", "models 0 given"),
-        ("--preset huge", "preset 'huge' given; the presets are tiny, small, paper"),
+        ("--preset huge", "preset 'huge' given; the presets are tiny, small, paper, near"),
         ("--folder nowhere", "a folder of mesh files is needed"),
         ("--folder . --held-out 2", "only models from seeds have families"),
         ("--cache x", "--cache or --download given"),
@@ -97,7 +97,7 @@ def test_datasets_that_are_none(refused, tmp_path):
     "options, said",
     [
         ("--preset small", "was made with the preset tiny, and small is given"),
-        ("--preset huge", "preset 'huge' given; the presets are tiny, small, paper"),
+        ("--preset huge", "preset 'huge' given; the presets are tiny, small, paper, near"),
         ("--epochs 0", "epochs 0 given"),
         ("--learning-rate nan", "learning_rate nan given"),
         ("--schedule cosine", "schedule 'cosine' given"),

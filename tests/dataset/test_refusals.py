@@ -47,6 +47,7 @@ REFUSALS = [
     (lambda s, t: made(t / "x", views=0), "views 0 given"),
     (lambda s, t: made(t / "x", views=37), "37 views given; the paper turns each model into 36"),
     (lambda s, t: made(t / "x", size=320.0), "size 320.0 mm given; a ball of more than 285 mm"),
+    (lambda s, t: generate(t / "x", "near", *seeded_models(9), size=140), "more than 130 mm does"),
     (lambda s, t: made(t / "x", workers=0), "workers 0 given"),
     (lambda s, t: made(t / "x", seed=-1), "seed -1 given"),
     (lambda s, t: generate(t / "x", "huge", parts(1)), "preset 'huge' given"),

@@ -115,3 +115,15 @@ def test_torch_takes_the_same_line_and_no_gradient_passes_the_rounding():
         phi_h.detach().numpy(), phi_z.detach().numpy(), np.zeros(2), 15, 304
     )
     np.testing.assert_allclose(Phi.detach(), expected)
+
+
+def test_near_objects_need_pitch_304():
+    """There the range is longer than a period of pitch 114 where objects stand; nowhere at 304."""
+    from fpputil.optics.system import preset
+
+    system = preset("near").system
+    periods = {
+        pitch: np.ptp(ref.phase_range(system, pitch), axis=0) / (2 * np.pi) for pitch in (114, 304)
+    }
+    assert 1.8 < periods[114][60, 80] < 2
+    assert np.nanmax(periods[304]) < 0.9

@@ -15,7 +15,9 @@ def test_recipes():
     assert (method.levels, method.frames, method.mixing) == (6, 1, "deepest")
     assert method.weights == Weights(1.0, 1e-2, 1e-6, order=True, mean=False)
     assert (settings.epochs, settings.schedule, settings.batch) == (250, "plateau", 8)
-    with pytest.raises(ValueError, match="preset 'huge' given; the presets are tiny, small, paper"):
+    with pytest.raises(
+        ValueError, match="preset 'huge' given; the presets are tiny, small, paper, near"
+    ):
         recipe("huge")
 
 

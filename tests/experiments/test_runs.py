@@ -21,7 +21,8 @@ from fpputil.experiments import learning_rate as rates
 from fpputil.experiments import registry as experiments
 from fpputil.experiments import runs as results
 from fpputil.experiments.error_analysis import DISTANCES, ErrorAnalysis
-from fpputil.experiments.registry import ROWS, SEEDS, budget, methods, seeded_name
+from fpputil.experiments.registry import budget, methods
+from fpputil.experiments.rows import ROWS, SEEDS, seeded_name
 from fpputil.experiments.statistics import IN_RANGE
 from fpputil.learning.evaluation import evaluate, open_split
 from fpputil.learning.weights import load_weights

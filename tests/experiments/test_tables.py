@@ -9,7 +9,7 @@ from scipy import stats
 
 from fpputil.experiments import statistics as intervals
 from fpputil.experiments import tables
-from fpputil.experiments.registry import ROWS, SEEDS, seeded_name
+from fpputil.experiments.rows import ROWS, SEEDS, seeded_name
 
 
 def invented(values, models=100, seed=0, spread=0.1, method="sfnet"):

@@ -96,7 +96,7 @@ REFUSED = [
     (lambda: looking((0, 0, 0), (0, 0, 1), (8, 6), 180.0), "angle 180.0 given"),
     (lambda: System(EYE, EYE, 500, 400), "measuring range 500 to 400 mm given"),
     (lambda: System(EYE, EYE, np.nan, 500), "measuring range nan to 500 mm given"),
-    (lambda: preset("huge"), "preset 'huge' given; the presets are tiny, small, paper"),
+    (lambda: preset("huge"), "preset 'huge' given; the presets are tiny, small, paper, near"),
     (lambda: load_system("none.xml"), "none.xml given; there is no such system file"),
     (lambda: load_system("none"), "preset 'none' given"),
     (lambda: table2().save("system.txt"), "a system file ends in .json, .yml or .yaml"),

@@ -101,6 +101,15 @@ def test_presets(name, size, high):
     assert abs(span) / high >= 3, "three high periods inside the measuring range"
 
 
+def test_near_speaks_of_objects_as_the_tables_of_the_paper_do():
+    near, middle = preset("near"), (60, 80)
+    s, z = near.system, near.centre[2]
+    ends = [s.columns_at(z + k * near.size / 2)[middle] for k in (-1, 1)]
+    assert np.ptp(ends) / 114 == pytest.approx(1.8, abs=0.05)
+    assert np.ptp(ends) / 15 == pytest.approx(14, abs=0.5)
+    assert 15 / (2 * np.pi * s.columns_per_mm(z)[middle]) == pytest.approx(1.6, abs=0.05)  # mm/rad
+
+
 def test_presets_share_one_field_of_view():
     corner = [preset(n).system.camera.rays(np.array([-0.5, -0.5])) for n in ("tiny", "paper")]
     np.testing.assert_allclose(*corner)

@@ -29,7 +29,9 @@ def generate(
     views: Annotated[int, option("Poses of each model.")] = 36,
     workers: Processes = 1,
     seed: Annotated[int, option("Of models, splits, poses.")] = 0,
-    size: Annotated[float, option("mm, the ball every model is scaled to.")] = 240.0,
+    size: Annotated[
+        float | None, option("mm, the ball every model is scaled to (default: of the preset).")
+    ] = None,
     folder: Annotated[Path | None, option("Mesh files below this folder.", group=SOURCE)] = None,
     thingi10k: Annotated[bool, option("Meshes of Thingi10K.", group=SOURCE)] = False,
     cache: Annotated[Path | None, option("Where Thingi10K lies, or goes to.")] = None,

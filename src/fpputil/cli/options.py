@@ -37,7 +37,7 @@ Channel = Annotated[
     Literal["grey", "red", "green", "blue"], option("Of photographs in colour, which one.")
 ]
 Data = Annotated[Path, option("The dataset.")]
-Preset = Annotated[str, option("tiny, small or paper.")]
+Preset = Annotated[str, option("tiny, small, paper or near.")]
 Weights = Annotated[Path, option("A .safetensors file.")]
 Workers = Annotated[int, option("Processes that load.")]
 Device = Annotated[str, option("cpu, cuda ...")]

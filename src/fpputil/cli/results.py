@@ -1,6 +1,7 @@
 """`fpp results`: the runs behind the tables, made by name and printed (chapters 10 and 11)."""
 
 from pathlib import Path
+from statistics import median
 from typing import Annotated
 
 from cyclopts import App
@@ -23,18 +24,23 @@ Results = Annotated[Path, option("Folder of the results.")]
 @app.command(name="list")
 def list_(*, preset: Preset = "tiny", results: Results = RESULTS) -> None:
     """The runs: which are finished, and what the others cost."""
-    names, runs = experiments.experiments(preset), experiments.load(preset, results).runs
-    speed = experiments.training_speed
-    measured = speed(runs) or speed(experiments.load("tiny", results).runs)
-    work = experiments.training_cost(preset, [name for name in names if name not in runs])
+    names, runs = experiments.run_names(preset), experiments.finished(preset, results)
+    lacking = [name for name in names if name not in runs]
+    if lacking and runs:  # all networks of a preset are about as large
+        cost = dict.fromkeys(lacking, median(run.seconds for run in runs.values()))
+    elif lacking and (speed := experiments.training_speed(experiments.load("tiny", results).runs)):
+        work = experiments.training_cost(preset, lacking)
+        cost = {name: work[name] / speed for name in lacking}
+    else:
+        cost = {}
     for name in names:
         if run := runs.get(name):
-            print(f"{name:24} MAE {run.test.mae:.4f} rad, {run.seconds / 60:.1f} min")
+            print(f"{name:24} MAE {run.mae:.4f} rad, {run.seconds / 60:.1f} min")
         else:
-            about = f", about {work[name] / measured / 60:.0f} min" if measured else ""
+            about = f", about {cost[name] / 60:.0f} min" if cost else ""
             print(f"{name:24} to be made{about}")
-    if work and measured:
-        hours = sum(work.values()) / measured / 3600
+    if cost:
+        hours = sum(cost.values()) / 3600
         source = "the runs that are finished on this preset or, if none is, on tiny"
         print(f"{hours:.1f} hours of training in all, at the speed of {source}")
 

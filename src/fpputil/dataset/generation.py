@@ -27,7 +27,7 @@ from fpputil.dataset import layout, parallel
 from fpputil.dataset.models import Model, load_model
 from fpputil.files import PARTIAL
 from fpputil.optics.raycasting import bvh, raycast
-from fpputil.optics.shapes import CENTRE, SIZE, place, rotation
+from fpputil.optics.shapes import place, rotation
 from fpputil.optics.system import System, preset, system_from_dict, system_to_dict
 
 POSES = [(y, z) for y in range(0, 360, 60) for z in range(0, 360, 60)]
@@ -49,7 +49,7 @@ def generate(
     root: str | Path | None = None,
     views: int = 36,
     seed: int = 0,
-    size: float = SIZE,
+    size: float | None = None,
     workers: int = 1,
     scheduler: str | None = None,
     progress: bool = False,
@@ -61,7 +61,7 @@ def generate(
     out : str or Path
         Folder of the dataset; new, empty, or left by the same call.
     preset_name : str
-        System and pitches: "tiny", "small" or "paper".
+        System, pitches, and where the models stand: "tiny", "small", "paper" or "near".
     models : sequence of Model
         Divided 8:1:1 into training, validation and test, each model in one of them.
     held_out : sequence of Model
@@ -72,8 +72,9 @@ def generate(
         Poses of each model: all 36 of the paper, or so many of them drawn at random.
     seed : int
         Of the splits, the choice of poses and the noise that readers add.
-    size : float
-        Diameter of the ball that a model fills, mm; models are scaled to it.
+    size : float, optional
+        Diameter of the ball that a model fills, mm; models are scaled to it. By default of the
+        preset.
     workers : int
         Processes; 1 works in this one. A script that asks for more needs the usual
         ``if __name__ == "__main__":``.
@@ -110,9 +111,11 @@ def plan_of(preset_name, models, held_out, views, seed, size) -> dict:
     whole("views", views, 1)
     if views > len(POSES):
         raise ValueError(f"{views} views given; the paper turns each model into {len(POSES)} poses")
-    camera, z = chosen.system.camera, CENTRE[2]
-    slope = min(camera.width / camera.K[0, 0], camera.height / camera.K[1, 1]) / 2
-    room = z - chosen.system.z_min, chosen.system.z_max - z, z * np.sin(np.arctan(slope))
+    camera, (x, y, z) = chosen.system.camera, chosen.centre
+    across = np.arctan([camera.width / camera.K[0, 0] / 2, camera.height / camera.K[1, 1] / 2])
+    sides = z * np.sin(across) - np.abs([x, y]) * np.cos(across)  # distances to the view's edges
+    room = z - chosen.system.z_min, chosen.system.z_max - z, *sides
+    size = chosen.size if size is None else size
     if positive("size", size, "mm") > (largest := 2 * min(room)):
         raise ValueError(
             f"size {size} mm given; a ball of more than {largest:.0f} mm does not fit in the "
@@ -170,13 +173,16 @@ def see_model(shared: dict, model: dict, number: int, root: str | None) -> tuple
     record, stacks = {**poses_of(settings, number), "notes": []}, layout.empty_stacks(shared)
     try:
         mesh, notes = load_model(Model(**{k: v for k, v in model.items() if k != "split"}), root)
-        tree = bvh(place(mesh, settings["size"]))
+        chosen = preset(settings["preset"])
+        tree = bvh(place(mesh, settings["size"], chosen.centre))
     except (ValueError, FileNotFoundError) as error:
         return {**record, "skipped": portable(error, root)}, stacks
     record["notes"] += notes
     for k, pose in enumerate(record["pose"]):
         try:
-            view = raycast(tree, turned(system, rotation(*pose)), albedo=settings["albedo"])
+            view = raycast(
+                tree, turned(system, rotation(*pose), chosen.centre), albedo=settings["albedo"]
+            )
         except ValueError as error:  # seen edge on, or from behind
             record["notes"].append(f"view {k}: {error}")
             continue
@@ -193,9 +199,9 @@ def poses_of(settings: dict, number: int) -> dict[str, list]:
     return {"pose": [list(POSES[k]) for k in drawn], "noise_seed": seeds}
 
 
-def turned(system: System, R: np.ndarray) -> System:
+def turned(system: System, R: np.ndarray, centre) -> System:
     """The system moved round a model that stays, whose tree serves all poses: it looks turned."""
-    shift = np.asarray(CENTRE) - R @ CENTRE
+    shift = np.asarray(centre) - R @ centre
     camera, projector = (
         replace(pinhole, R=pinhole.R @ R, t=pinhole.t + pinhole.R @ shift)
         for pinhole in (system.camera, system.projector)

@@ -5,7 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "registry": ["Experiment", "ROWS", "SEEDS", "budget", "experiments", "recipe"],
+        "rows": ["ROWS", "SEEDS", "finished", "run_names"],
+        "registry": ["Experiment", "budget", "experiments", "recipe"],
         "runs": ["load", "make_run", "read_results", "training_cost", "training_speed"],
         "learning_rate": ["search_learning_rate"],
         "assessment": ["assess"],

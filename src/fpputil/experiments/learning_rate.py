@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from fpputil.checks import Form, anything, conform, not_negative, or_null, positive, read_json
+from fpputil.checks import anything, conform, not_negative, or_null, positive
 from fpputil.dataset.store import open_store
 from fpputil.experiments.registry import LEARNING_RATES, SEARCH_CONFIG, SEARCHED, methods
+from fpputil.experiments.rows import read_stored
 from fpputil.files import write_whole
 from fpputil.learning.devices import device_of, hardware
 from fpputil.learning.training import fit
@@ -101,11 +102,3 @@ def _tried(name: str, value) -> None:
 def read_rates(path: Path) -> dict:
     """What `search_learning_rate` wrote; ValueError with its path if it is cut or foreign."""
     return read_stored(path, {"runs": {...: _tried}, ...: anything})
-
-
-def read_stored(path: Path, form: Form) -> dict:
-    """A JSON file of results; ValueError with its path if it is cut or has another form."""
-    try:
-        return read_json(path, form, "file of results")
-    except ValueError as error:
-        raise ValueError(f"{error}; remove it") from error

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from fpputil.dataset.augmentation import Augmentation
+from fpputil.experiments.rows import BY_WEIGHTS, run_names
 from fpputil.learning.config import TrainingConfig
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import METHODS, Method, settings_of
@@ -34,10 +35,11 @@ TRAINING = {
     "small": Training(5, replace(_SHORT, epochs=4), replace(_SHORT, training_views=2400), 4),
     # With early stopping some runs would see more pictures than others.
     "paper": Training(6, _PAPER, replace(_PAPER, early_stopping=0), 8),
+    "near": Training(5, _SHORT, replace(_SHORT, training_views=4800), 4),
 }
 """By preset. "paper" has the levels, batch, epochs, optimiser and schedule of the paper; width,
-rate, dropout, patience and augmentation it does not give, they are ours. It needs a GPU. "tiny"
-and "small" are for two cores."""
+rate, dropout, patience and augmentation it does not give, they are ours. It needs a GPU. "tiny",
+"near" and "small" are for two cores."""
 
 WIDTHS = {"sfnet": 2, "sido": 2.5, "psnet": 2, "dlalnet": 3}
 """Channels of the finest level, in parts, that give all methods about as many parameters."""
@@ -47,38 +49,6 @@ UNIT_STEP = 4
 the projector, so that they lie on a flank of the fringe."""
 
 PLAIN = Weights(consistency=0, geometric=0, order=False)
-CONSISTENCY, GEOMETRIC = ("1e-1", "1e-2", "1e-3"), ("1e-5", "1e-6", "1e-7")
-_BY_WEIGHTS = {(c, g): f"sfnet-{c}-{g}" for c in CONSISTENCY for g in GEOMETRIC}
-_BY_WEIGHTS["1e-2", "1e-6"] = "sfnet"
-
-ROWS = {
-    3: {"SFNet": "sfnet", "SIDO": "sido", "PSNet": "psnet", "DLALNet": "dlalnet"},
-    4: {"A": "sfnet-a", "B": "sfnet-b", "C": "sfnet"},
-    5: {"1 + 1": "sfnet", "2 + 2": "sfnet-2-frames", "3 + 3": "sfnet-3-frames"},
-    6: {f"{c}, {g}": name for (c, g), name in _BY_WEIGHTS.items()},
-    "ours": {
-        "best": "best",
-        "losses as printed": "sfnet-printed",
-        "joined at every level": "sfnet-every-level",
-        "row B, joined at every level": "sfnet-b-every-level",
-        "reference unrefined": "sfnet-zmin",
-        "reference at pitch 114": "sfnet-mid",
-        "reference at pitch 912": "sfnet-unit",
-        "PSNet, errors in fringes": "psnet-fringe",
-        "the same, unit pitch at step 4": "psnet-step-4",
-        "the same, normalised": "psnet-normalised",
-        "SIDO, errors in fringes": "sido-fringe",
-        "SIDO without the plane": "sido-no-plane",
-        "DLALNet, SFNet's losses": "dlalnet-losses",
-        "DLALNet, normalised": "dlalnet-normalised",
-    },
-}
-"""Name of the run of each row of each table; "ours" are rows that the paper does not have."""
-
-SEEDS = {name: (0, 1, 2) for table in (3, 4) for name in ROWS[table].values()}
-SEEDS |= dict.fromkeys(("best", "sfnet-every-level", "sfnet-b-every-level"), (0, 1, 2))
-"""Seeds of the runs that have more than seed 0."""
-
 SCENES = 14_400
 """Training views of a dataset of 1000 models, the paper's number of scenes times eight tenths."""
 
@@ -167,7 +137,7 @@ def methods(preset: str) -> dict[str, Method]:
         **{f"sfnet-{n}-frames": replace(sfnet, frames=n) for n in (2, 3)},
         **{
             name: replace(sfnet, weights=replace(weights, consistency=float(c), geometric=float(g)))
-            for (c, g), name in _BY_WEIGHTS.items()
+            for (c, g), name in BY_WEIGHTS.items()
         },
         "sfnet-printed": replace(sfnet, weights=Weights()),
         "sfnet-every-level": replace(sfnet, mixing="every level"),
@@ -183,23 +153,13 @@ def methods(preset: str) -> dict[str, Method]:
     }
 
 
-def seeded_name(name: str, seed: int) -> str:
-    """Name of the run of a row with a seed: "sfnet", "sfnet-seed-1"."""
-    return f"{name}-seed-{seed}" if seed else name
-
-
 def experiments(preset: str) -> dict[str, Experiment]:
     """All runs of a preset by name, in the order in which they are made.
-
-    Seed 0 of every row comes first, so that a table is whole before its intervals are.
 
     >>> len(experiments("tiny")), experiments("tiny")["sfnet-mid"].kind
     (48, 'sfnet')
     """
-    runs = {
-        name: Experiment(method, name if name in SEARCHED else settings_of(method)["method"])
-        for name, method in methods(preset).items()
-    }
-    for seed in (1, 2):
-        runs |= {seeded_name(name, seed): replace(runs[name], seed=seed) for name in SEEDS}
-    return runs
+    known = methods(preset)
+    kinds = {k: k if k in SEARCHED else settings_of(m)["method"] for k, m in known.items()}
+    names = run_names(preset).items()
+    return {name: Experiment(known[row], kinds[row], seed) for name, (row, seed) in names}

@@ -22,8 +22,9 @@ from fpputil.experiments import statistics, tables
 from fpputil.experiments.assessment import SPLITS, TRUTH, VIEWS, assess
 from fpputil.experiments.error_analysis import FORM as ANALYSIS
 from fpputil.experiments.error_analysis import ErrorAnalysis
-from fpputil.experiments.learning_rate import best_learning_rate, read_rates, read_stored
+from fpputil.experiments.learning_rate import best_learning_rate, read_rates
 from fpputil.experiments.registry import SCENES, budget, experiments
+from fpputil.experiments.rows import read_stored
 from fpputil.experiments.statistics import Interval, Spread, seeds_of
 from fpputil.files import read_arrays, write_whole
 from fpputil.learning.config import TrainingConfig

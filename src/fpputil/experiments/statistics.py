@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from fpputil.experiments.registry import SEEDS, seeded_name
+from fpputil.experiments.rows import SEEDS, seeded_name
 from fpputil.learning.metrics import draws_of_models
 
 MEASURES = {

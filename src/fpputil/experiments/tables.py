@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fpputil.experiments import statistics
-from fpputil.experiments.registry import ROWS
+from fpputil.experiments.rows import ROWS
 from fpputil.experiments.statistics import IN_RANGE, MEASURES, Interval, seeds_of
 from fpputil.notebook import Table
 

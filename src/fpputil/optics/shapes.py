@@ -22,15 +22,9 @@ from fpputil.files import read_arrays
 from fpputil.optics.parts import FAMILIES as FAMILIES
 from fpputil.optics.parts import part as part
 from fpputil.optics.parts.stock import outline, to_mesh
-
-SIZE = 240.0
-"""Diameter in mm of the ball that a placed mesh fills. At `CENTRE` every pose of it is inside the
-presets' camera view (a ball of 285 mm would touch it) and measuring range (z 480 to 820 mm)."""
+from fpputil.optics.system import CENTRE, SIZE
 
 FARTHEST = 1e10  # trimesh tells vertices apart by their coordinates in 1e-8, as whole numbers
-
-CENTRE = (0.0, 0.0, 650.0)
-"""Where the middle of that ball lies, mm."""
 
 
 def sphere(

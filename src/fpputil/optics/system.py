@@ -68,6 +68,13 @@ PITCHES = dict.fromkeys(FREQUENCIES, positive)
 STEPS = 15
 """Steps of the frames that targets are decoded from, as in the paper."""
 
+SIZE = 240.0
+"""Diameter in mm of the ball that a placed mesh fills. At `CENTRE` every pose of it is inside the
+camera's view (a ball of 285 mm would touch it) and the measuring range, z 480 to 820 mm."""
+
+CENTRE = (0.0, 0.0, 650.0)
+"""Where the middle of that ball lies, mm."""
+
 Frame = tuple[str, int, int]
 """A photograph by name: frequency, number of steps, which step. ("high", 4, 2) is shifted by pi."""
 
@@ -190,26 +197,39 @@ def table2(camera_width: int = 640) -> System:
 
 @dataclass(frozen=True, eq=False)
 class Preset:
-    """A system and its pitches, by a name that book and tests use."""
+    """A system, its pitches, and the ball that its objects fill, by a name.
+
+    Every pose of a ball of `size` mm at `centre` is inside the camera's view and the measuring
+    range.
+    """
 
     name: str
     system: System
     pitches: Pitches
+    centre: tuple[float, float, float] = CENTRE
+    size: float = SIZE
 
 
 def preset(name: str) -> Preset:
-    """The preset "tiny" (160 x 120), "small" (320 x 240) or "paper" (640 x 480).
+    """The preset "tiny" (160 x 120), "small" (320 x 240), "paper" (640 x 480), or "near".
+
+    The last sees 160 x 120 pixels, too, of objects half as far away and half as large: a
+    millimetre of depth is about as many projector columns as the tables of the paper say, and an
+    object spans 1.8 periods of pitch 114. Chapter 10.
 
     Examples
     --------
     >>> preset("paper").system.camera.width, preset("paper").pitches.high
     (640, 15)
     """
-    known = {"tiny": (160, 24), "small": (320, 18), "paper": (640, 15)}
+    known = {"tiny": (160, 24), "small": (320, 18), "paper": (640, 15), "near": (160, 32)}
     if name not in known:
         raise ValueError(f"preset {name!r} given; the presets are {', '.join(known)}")
     width, high = known[name]
-    return Preset(name, table2(width), Pitches(high, 114, 304, 912))
+    system, pitches = table2(width), Pitches(high, 114, 304, 912)
+    if name == "near":
+        return Preset(name, replace(system, z_min=275.0, z_max=405.0), pitches, (30, 0, 340), 120)
+    return Preset(name, system, pitches)
 
 
 def _is_yaml(path: Path) -> bool:
