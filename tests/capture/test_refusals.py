@@ -119,7 +119,6 @@ REFUSALS = {
     "no folder": (lambda path: open_capture(path / "none"), "there is no such folder"),
     "no patterns": (lambda path: open_capture(path), "no patterns.toml in"),
     "no photograph": (lambda path: open_capture(without_photographs(path)), "0 of 6 photographs"),
-    "one axis": (lambda path: board_pose(folder_of(path)), "a calibration needs columns and rows"),
     "noise": (lambda path: measured(path, how={"noise": -1.0}), "noise -1.0 given"),
     "threshold": (lambda path: measured(path, how={"threshold": math.nan}), "threshold nan given"),
     "results there": (into_a_full_folder, "is not empty"),

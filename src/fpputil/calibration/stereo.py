@@ -16,6 +16,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from fpputil.calibration.one_axis import resect
+
 LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 COUNTS = (0, 1, 2, 4, 5)  # of distortion coefficients that may be free, in OpenCV's order
 SURE = 1e-3  # pixels: no fit is weighted as if it were better
@@ -23,7 +25,10 @@ SURE = 1e-3  # pixels: no fit is weighted as if it were better
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """Points of a board at one pose: (P, 3) in its frame, mm, and u, v in both, (P, 2), pixels."""
+    """Points of a board at one pose: (P, 3) in its frame, mm, and u, v in both, (P, 2), pixels.
+
+    Fringes along one axis leave the projector's other coordinate NaN.
+    """
 
     points: np.ndarray
     camera: np.ndarray
@@ -37,7 +42,8 @@ class StereoFit:
     Parameters
     ----------
     lenses : (2, 9) array
-        fx, fy, cx, cy, k1, k2, p1, p2, k3 of camera and projector.
+        fx, fy, cx, cy, k1, k2, p1, p2, k3 of camera and projector; what the coordinate that is
+        not known would tell is assumed, as `resect` does.
     R, t : (3, 3) and (3,) array
         Pose of the projector, mm: ``x_projector = R x_camera + t``.
     poses : (N, 6) array
@@ -46,7 +52,7 @@ class StereoFit:
         RMS distance of each pose's points from their images, pixels.
     sigma : dict of str to float
         Standard deviations: "camera fx" to "projector k3" in pixels (k, p without unit),
-        "baseline" in mm.
+        "baseline" in mm; 0 of what was held fixed.
     """
 
     lenses: np.ndarray
@@ -55,6 +61,12 @@ class StereoFit:
     poses: np.ndarray
     errors: np.ndarray
     sigma: dict[str, float]
+
+
+def known_axis(views: Sequence[BoardView]) -> int | None:
+    """Which coordinate of the projector is known alone, 0 (columns) or 1 (rows), or None."""
+    known = np.any([np.isfinite(view.projector).any(axis=0) for view in views], axis=0)
+    return int(np.argmax(known)) if np.sum(known) == 1 else None
 
 
 def calibrate_pinhole(views: Sequence[BoardView], who: str, size: tuple[int, int], lens: int):
@@ -93,7 +105,8 @@ def calibrate_pair(
 ) -> StereoFit:
     """Fit both pinholes, the pose between them and all boards to all points at once. Chapter 12.
 
-    Each pinhole's residuals are weighted by the inverse of their RMS when it is fitted alone.
+    Each pinhole's residuals are weighted by the inverse of their RMS when it is fitted alone. A
+    projector of which one coordinate is known has no distortion.
 
     Parameters
     ----------
@@ -124,14 +137,26 @@ def calibrate_pair(
     >>> bool(np.allclose(fit.t, projector.t))
     True
     """
-    alone = [
-        calibrate_pinhole(views, "camera", camera, lens),
-        calibrate_pinhole(views, "projector", projector, projector_lens),
-    ]
-    start = np.concatenate([alone[0][0], alone[1][0], _between(*alone), alone[0][1].ravel()])
+    axis = known_axis(views)
+    if axis is not None and projector_lens:
+        raise ValueError(
+            f"{projector_lens} distortion coefficients of the projector given; fringes along one "
+            "axis determine none"
+        )
+    seen = calibrate_pinhole(views, "camera", camera, lens)
+    if axis is None:
+        lit = calibrate_pinhole(views, "projector", projector, projector_lens)
+        pinhole, between = lit[0], _between(seen, lit)
+    else:
+        light = np.concatenate([view.projector[:, axis] for view in views])
+        pinhole, between = resect(_in_camera(views, seen[1]), light, axis, projector)
+    start = np.concatenate([seen[0], pinhole, between, seen[1].ravel()])
     free = np.ones(len(start), bool)
     free[4 + lens : 9] = free[13 + projector_lens : 18] = False
-    weights = 1 / np.maximum([rms for *_, rms in alone], SURE)[:, None, None]
+    if axis is not None:
+        free[[9 + 1 - axis, 11 + 1 - axis, 21 + 1 - axis]] = False
+    rms = np.sqrt(np.nanmean(_off(start, views)[1] ** 2)) if axis is not None else lit[2]
+    weights = 1 / np.maximum([seen[2], rms], SURE)[:, None, None]
 
     def full(x):
         values = start.copy()
@@ -139,7 +164,7 @@ def calibrate_pair(
         return values
 
     def residuals(x):
-        return (_off(full(x), views) * weights).ravel()
+        return np.nan_to_num(_off(full(x), views) * weights).ravel()
 
     fit = least_squares(residuals, start[free], method="lm", x_scale="jac")
     return _fit(full(fit.x), views, _covariance(fit, free))
@@ -155,13 +180,17 @@ def _between(camera, projector):
 
 def _off(x, views):
     """Pixels by which all P points miss their images in camera and projector, (2, P, 2)."""
-    poses = x[24:].reshape(-1, 6)
-    turns = Rotation.from_rotvec(poses[:, :3]).as_matrix()
-    placed = zip(views, turns, poses[:, 3:], strict=True)
-    local = np.concatenate([view.points @ R.T + t for view, R, t in placed])
+    local = _in_camera(views, x[24:].reshape(-1, 6))
     lit = local @ Rotation.from_rotvec(x[18:21]).as_matrix().T + x[21:24]
     measured = [np.concatenate([getattr(v, who) for v in views]) for who in ("camera", "projector")]
     return np.stack([_image(local, x[:9]), _image(lit, x[9:18])]) - measured
+
+
+def _in_camera(views, poses):
+    """All points of the boards in the camera's frame, (P, 3), mm."""
+    turns = Rotation.from_rotvec(poses[:, :3]).as_matrix()
+    placed = zip(views, turns, poses[:, 3:], strict=True)
+    return np.concatenate([view.points @ R.T + t for view, R, t in placed])
 
 
 def _image(local, lens):
@@ -183,7 +212,7 @@ def _covariance(fit, free):
 
 
 def _fit(x, views, covariance) -> StereoFit:
-    square = (_off(x, views) ** 2).sum(axis=-1)
+    square = np.nansum(_off(x, views) ** 2, axis=-1)
     ends = np.cumsum([len(v.points) for v in views])[:-1]
     errors = [[np.sqrt(part.mean()) for part in np.split(each, ends)] for each in square]
     t = x[21:24]

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fpputil.calibration.board import Board, spacing
+from fpputil.calibration.one_axis import line_at
 from fpputil.calibration.stereo import BoardView, StereoFit, calibrate_pair
 from fpputil.checks import positive, whole
 from fpputil.optics.pinhole import Pinhole
@@ -36,6 +37,13 @@ MIRRORED = {
 }
 """What a calibration warns of where camera or projector mirrors."""
 
+ONE_AXIS = (
+    "the fringes run along the {0}s alone: measure with {0}s, for what the system says of the "
+    "projector across them is assumed, its lens is taken to have no distortion, and mirrored "
+    "photographs are not seen"
+)
+"""What a calibration warns of where one coordinate of the projector is known."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -46,7 +54,8 @@ class Pose:
     plain : (H, W) array
         Photograph in white light, or the mean of the fringes, which has less noise.
     column, row : (H, W) arrays
-        Projector pixel that lights each camera pixel; NaN where there is no phase.
+        Projector pixel that lights each camera pixel; NaN where there is no phase. One of them is
+        None where the fringes run along the other axis alone.
     name : str
         For messages.
 
@@ -58,20 +67,27 @@ class Pose:
     """
 
     plain: np.ndarray
-    column: np.ndarray
-    row: np.ndarray
+    column: np.ndarray | None
+    row: np.ndarray | None
     name: str = ""
 
     def __post_init__(self):
-        shapes = [np.shape(a) for a in (self.plain, self.column, self.row)]
+        if not self.axes:
+            raise ValueError(f"{self.name or 'pose'} without columns and rows given; one is needed")
+        shapes = [np.shape(a) for a in (self.plain, *(getattr(self, name) for name in self.axes))]
         if len(set(shapes)) > 1 or len(shapes[0]) != 2:
             raise ValueError(f"plain, column and row {shapes} given; a pose needs one (H, W)")
-        for name in ("column", "row"):
+        for name in self.axes:
             if not np.isfinite(getattr(self, name)).any():
                 raise ValueError(
                     f"{self.name or 'pose'} with a {name} map of NaN alone given; decode its "
                     f"{name} fringes with a threshold that leaves pixels"
                 )
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Of "column" and "row" those that are known."""
+        return tuple(name for name in ("column", "row") if getattr(self, name) is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +126,7 @@ def calibrate(
     z_max: float,
     *,
     lens: int = 4,
-    projector_lens: int = 4,
+    projector_lens: int | None = None,
     unread: Mapping[str, str] | None = None,
 ) -> Calibration:
     """Camera, projector and their pose from photographs of a board (Zhang). Chapter 12.
@@ -119,6 +135,9 @@ def calibrate(
     far worse than the others leave, one at a time. The projector may hang in any way, which R says.
     If camera and projector see the boards mirrored, the one that mirrors gets a negative fx: the
     projector with a ChArUco board, whose markers cannot be read in a mirror, else the camera.
+
+    Of fringes along one axis the system measures with that axis alone. What it says of the other
+    is assumed (`one_axis`), a warning tells, and so is a lens without distortion.
 
     Parameters
     ----------
@@ -130,7 +149,8 @@ def calibrate(
     z_min, z_max : float
         Measuring range of the system that comes out, mm.
     lens, projector_lens : int
-        Free distortion coefficients of each: the first 0, 1, 2, 4 or 5 of k1, k2, p1, p2, k3.
+        Free distortion coefficients of each: the first 0, 1, 2, 4 or 5 of k1, k2, p1, p2, k3; by
+        default 4, of a projector with fringes along one axis 0.
     unread : dict of str to str, optional
         Names of further poses that could not be read, and why: `Calibration.rejected` tells them.
 
@@ -151,7 +171,11 @@ def calibrate(
             views[name] = _view(board, pose)
         except ValueError as error:
             rejected[name] = str(error)
-    mirror = ("projector" if board.kind == "charuco" else "camera") if _mirrored(views) else ""
+    axes = poses[0].axes
+    if projector_lens is None:
+        projector_lens = 4 if len(axes) > 1 else 0
+    mirrored = len(axes) > 1 and _mirrored(views)
+    mirror = ("projector" if board.kind == "charuco" else "camera") if mirrored else ""
     sizes = {"camera": size, "projector": tuple(map(int, projector))}
     if mirror:
         views = {name: _flipped(view, mirror, sizes[mirror][0]) for name, view in views.items()}
@@ -168,6 +192,8 @@ def calibrate(
     warnings = tuple(_warnings(fit, list(views.values()), system))
     if mirror:
         warnings = (MIRRORED[mirror], *warnings)
+    if len(axes) == 1:
+        warnings = (ONE_AXIS.format(axes[0]), *warnings)
     return Calibration(system, *errors, rejected, fit.sigma, warnings)
 
 
@@ -180,7 +206,8 @@ def light_at(column, row, pixels: np.ndarray, reach: float) -> np.ndarray:
 
     `column` and `row`, (H, W), NaN where unknown, are read at `pixels` u, v, (P, 2), in windows of
     half the width `reach`, camera pixels. Returned are columns and rows, (P, 2); NaN where less
-    than a third of the window is known or the known pixels lie to one side.
+    than a third of the window is known or the known pixels lie to one side. One of the maps may
+    be None; then its coordinates are NaN.
 
     Examples
     --------
@@ -190,17 +217,21 @@ def light_at(column, row, pixels: np.ndarray, reach: float) -> np.ndarray:
     """
     light = np.full(np.shape(pixels), np.nan)
     reach = max(3, round(reach))
-    for k, (u, v) in enumerate(pixels):
+    known = [k for k, a in enumerate((column, row)) if a is not None]
+    for n, (u, v) in enumerate(pixels):
         left, top = (max(0, round(x) - reach) for x in (u, v))
         window = np.s_[top : max(0, round(v) + reach + 1), left : max(0, round(u) + reach + 1)]
-        lit = np.stack([column[window], row[window]], -1)
+        lit = np.stack([(column, row)[k][window] for k in known], -1)
         y, x = np.nonzero(np.isfinite(lit).all(axis=-1))
         around = np.stack([x + left - u, y + top - v], -1)
         if len(x) < KNOWN * (2 * reach + 1) ** 2 or np.hypot(*around.mean(axis=0)) > ASIDE * reach:
             continue
+        if len(known) == 1:
+            light[n, known[0]] = line_at(lit[y, x, 0].astype(np.float64), around)
+            continue
         H, _ = cv2.findHomography(around, lit[y, x].astype(np.float64), cv2.LMEDS)
         if H is not None:
-            light[k] = H[:2, 2] / H[2, 2]  # of the point itself, which is the origin
+            light[n] = H[:2, 2] / H[2, 2]  # of the point itself, which is the origin
     return light
 
 
@@ -211,6 +242,8 @@ def _check(poses, names, projector, z_min, z_max):
     shapes = sorted({np.shape(p.plain) for p in poses})
     if len(shapes) > 1 or len(set(names)) < len(names):
         raise ValueError(f"photographs {shapes} called {names} given; one size, and each its name")
+    if len(axes := {p.axes for p in poses}) > 1:
+        raise ValueError(f"poses with fringes along {sorted(axes)} given; all need the same axes")
     if np.shape(projector) != (2,):
         raise ValueError(f"projector {projector} given; its width and height in pixels are needed")
     for what, value in zip(("projector width", "projector height"), projector, strict=True):
@@ -223,7 +256,7 @@ def _check(poses, names, projector, z_min, z_max):
 def _view(board: Board, pose: Pose) -> BoardView:
     which, pixels = board.find(pose.plain)
     light = light_at(pose.column, pose.row, pixels, REACH * spacing(pixels))
-    known = np.isfinite(light).all(axis=1)
+    known = np.isfinite(light).sum(axis=1) == len(pose.axes)
     if known.sum() < LEAST_POINTS:
         raise ValueError(
             f"{known.sum()} of {len(known)} points are lit by fringes; {LEAST_POINTS} are needed"

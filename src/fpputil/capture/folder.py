@@ -229,7 +229,8 @@ def board_pose(
     Parameters
     ----------
     folder, patterns
-        As of `open_capture`, of fringes along columns and rows on one pose of the board.
+        As of `open_capture`, of fringes along columns and rows, or one of them, on one pose of the
+        board.
     full, channel, **how
         As of `open_capture`; threshold, gamma and noise as of `measure`.
     accept : bool
@@ -243,26 +244,21 @@ def board_pose(
     Raises
     ------
     ValueError
-        If the fringes do not run along both axes, or a finding is severe; how the projector hangs
-        is none.
+        If the fringes are unwrapped in space, or a finding is severe; how the projector hangs is
+        none.
     """
     capture = open_capture(folder, patterns, full, channel)
-    if set(capture.patterns.axes) != {"column", "row"}:
-        raise ValueError(
-            f"{folder} has fringes along {', '.join(capture.patterns.axes)}s; a calibration needs "
-            "columns and rows, for one of them leaves half of the projector unknown (`fpp patterns "
-            "--axis both`)"
-        )
     if capture.patterns.unwrap == "spatial":
         raise ValueError(f"{folder} is unwrapped in space; a calibration needs absolute columns")
-    both = across, down = [measure(capture, axis, **how) for axis in ("column", "row")]
-    wrong = any(f.severe for m in both for f in diagnose(m, capture, ignored=MOUNTED))
+    measured = {axis: measure(capture, axis, **how) for axis in capture.patterns.axes}
+    wrong = any(f.severe for m in measured.values() for f in diagnose(m, capture, ignored=MOUNTED))
     if wrong and not accept:
-        found = [f for m in both for f in diagnose(m, capture) if f.severe]
+        found = [f for m in measured.values() for f in diagnose(m, capture) if f.severe]
         severe = [f.where + f.message for f in found]
         raise ValueError(f"{folder}: {'; '.join(severe)}")
-    plain = np.mean([across.average, down.average], axis=0)
-    pose = Pose(plain, across.coordinate, down.coordinate, Path(folder).name)
+    plain = np.mean([m.average for m in measured.values()], axis=0)
+    maps = [measured[k].coordinate if k in measured else None for k in ("column", "row")]
+    pose = Pose(plain, *maps, Path(folder).name)
     return pose, capture.patterns.projector
 
 

@@ -35,7 +35,7 @@ def calibrate(
     unit: Unit = None,
     target: Target = TARGET,
     lens: Annotated[int, option("Camera's distortion: 0, 1, 2, 4 or 5 of k1 k2 p1 p2 k3.")] = 4,
-    projector_lens: Annotated[int, option("Likewise.")] = 4,
+    projector_lens: Annotated[int | None, option("Likewise; 0 of fringes along one axis.")] = None,
     accept: Annotated[bool, option("Take poses whose phases are wrong all the same.")] = False,
     force: Force = False,
     json: Json = False,
@@ -47,10 +47,10 @@ def calibrate(
 
     FOLDER holds a folder for each pose of the board, ten or more, tilted by 25 to 40 degrees in
     all directions, out to the picture's edges; in each the photographs of fringes along columns
-    and rows (`fpp patterns --axis both`). Hidden folders, and those that `fpp decode` wrote, are
-    passed over; a bad pose is left out by name. The projector may hang in any way; decode with the
-    --shift that was calibrated with. Lengths in the system are mm, whatever --unit says of those
-    given.
+    and rows (`fpp patterns --axis both`), or along one of them, with which the system then
+    measures. Hidden folders, and those that `fpp decode` wrote, are passed over; a bad pose is
+    left out by name. The projector may hang in any way; decode with the --shift that was
+    calibrated with. Lengths in the system are mm, whatever --unit says of those given.
     """
     square, *reach = millimetres(unit, LEAST, square=target.square, range=reach[0], far=reach[1])
     printed = target.board(*board, square)
