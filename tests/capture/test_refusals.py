@@ -10,7 +10,7 @@ import pytest
 import tifffile
 
 from fpputil.capture.faults.gamma import estimate_gamma, harmonic_ratio, linearise
-from fpputil.capture.folder import board_pose, decode_folder
+from fpputil.capture.folder import decode_folder
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import NAME, Patterns
 from fpputil.capture.photographs import open_capture, read_photograph

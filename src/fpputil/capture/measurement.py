@@ -19,7 +19,7 @@ from fpputil.capture.coding import (
     read_code,
     unwrap_by_code,
 )
-from fpputil.capture.faults.consistency import STEPS, flicker_of
+from fpputil.capture.faults.consistency import STEPS, flicker_of, flickers_of
 from fpputil.capture.faults.curve import LEAST_LIT, Response, blur_of, fit, lit_pixels, response_of
 from fpputil.capture.faults.gamma import LEAST_STEPS, linearise
 from fpputil.capture.photographs import Capture
@@ -298,7 +298,8 @@ def measure(
 def _read(capture: Capture, axis: str, gamma, each):
     """Fit of each fringe, its photographs at the pixels of a grid, and the response.
 
-    The photographs of pitches that tell the response are read twice.
+    If a pitch has three or four steps, the photographs are read twice: what each pitch tells of
+    response and flicker is needed for the others.
     """
     fringes, shift = capture.patterns.along(axis), capture.patterns.shift
     ticks = [np.linspace(0, n - 1, min(n, SAMPLE)).astype(int) for n in capture.size]
@@ -310,12 +311,17 @@ def _read(capture: Capture, axis: str, gamma, each):
     white, black = (capture.plain(step) for step in (0, 1))
     plain = [None if one is None else one[grid].ravel() for one in (white, black)]
     most = max(f.steps for f in fringes.values())
-    response = Response()
+    response, flicker = Response(), {}
+    if min(f.steps for f in fringes.values()) < LEAST_STEPS:
+        few = {k: sampled(capture.frames(k)) for k in fringes}
+        lit = lit_pixels([*few.values()])
+        flicker = dict(zip(few, flickers_of([f[:, lit] for f in few.values()]), strict=True))
     if gamma is not None:
         response = Response(gamma, told="the command")
-    elif min(f.steps for f in fringes.values()) < LEAST_STEPS:
+    elif flicker:
         tell = {k: f for k, f in fringes.items() if f.steps == most}
-        response = response_of([sampled(capture.frames(k)) for k in tell], [*tell.values()], *plain)
+        steady = [(few[k] / flicker[k][:, None]).astype(np.float32) for k in tell]
+        response = response_of(steady, [*tell.values()], *plain)
     if black is not None and (response.black is not None or gamma is not None):
         full = None if response.white is None else white
         response = response._replace(black=black, white=full)
@@ -328,7 +334,7 @@ def _read(capture: Capture, axis: str, gamma, each):
         some = frames[:, ::every, ::every] * np.float32(capture.scale)
         shown.append(np.clip(np.rint(some), 0, WHITE).astype(np.uint8))
         lit = lit_pixels(sample[-1:])
-        gains.append(flicker_of(sample[-1][:, lit]))
+        gains.append(flicker[k] if flicker else flicker_of(sample[-1][:, lit]))
         if (gains[-1] != 1).any():
             how["gains"] = gains[-1]
         if response.gamma != 1 and response.black is not None and len(lit) >= LEAST_LIT:

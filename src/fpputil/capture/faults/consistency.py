@@ -20,6 +20,9 @@ SUSPECTS = 6  # steps off the curve, of which pairs are tried
 PAIRS = 150  # pixels by which pairs of photographs are tried
 MOST = 0.3  # of brightness that may flicker; more is another fault
 STEADIER = 0.65  # of what is left, if the brightness is free, at most; else it does not flicker
+STEADIER_OF_FEW = 0.8  # likewise of three and four steps
+DETERMINED = 5.0  # times what noise does that a false brightness must do, or it is not told
+LIKELY = 0.05  # of brightness: a usual flicker
 SAME = 0.3  # of the difference that two steps should have
 
 
@@ -175,3 +178,54 @@ def _sinusoid(steps, number: int) -> tuple[np.ndarray, np.ndarray]:
 def without(values, along):
     """Values (S,) less what of them goes with others, (S,): of a photograph, but its brightness."""
     return values - along * ((along @ values) / max(along @ along, 1e-9))
+
+
+def flickers_of(samples) -> list[np.ndarray]:
+    """Brightness of each photograph of several fringes, (N, S) each, as `flicker_of` has them.
+
+    Four steps tell it by ``I_0 - I_1 + I_2 - I_3``, which is 0 of a sinusoid; three by their mean,
+    which is that of every other fringe. Directions that the pixels do not tell stay as they are.
+
+    >>> rng = np.random.default_rng(0)
+    >>> turns = rng.uniform(-3, 3, (2, 1, 400)) + 2 * np.pi * np.arange(3)[:, None] / 3
+    >>> frames = 100 + 80 * np.cos(turns) + rng.standard_normal(turns.shape)
+    >>> frames[0, 2] *= 0.9
+    >>> [gains.round(2).tolist() for gains in flickers_of(frames)]
+    [[1.03, 1.03, 0.93], [1.0, 1.0, 1.0]]
+    """
+    gains = [flicker_of(frames) for frames in samples]
+    few = [len(frames) < FLICKERS[0] for frames in samples]
+    if not any(few) or np.shape(samples[0])[1] < 20:
+        return gains
+    straight = [f / g[:, None] for f, g in zip(samples, gains, strict=True)]
+    # One unknown factor of each photograph of few steps, and of the mean of each other fringe.
+    parts = [f if free else f.mean(axis=0)[None] for f, free in zip(straight, few, strict=True)]
+    ends = np.cumsum([len(part) for part in parts])
+    own = np.repeat(np.eye(len(parts), dtype=bool), [len(part) for part in parts], axis=1)
+    grey = np.concatenate(parts).T.astype(float)
+    means = own / own.sum(axis=1, keepdims=True)
+    rows = [*np.diff(means, axis=0)]
+    for end, part in zip(ends, parts, strict=True):
+        if len(part) == 4:
+            rows.append(np.zeros(ends[-1]))
+            rows[-1][end - 4 : end] = np.array([1, -1, 1, -1]) / 4
+    if not rows:
+        return gains
+    equations = (np.stack(rows)[:, None] * grey).reshape(-1, ends[-1])
+    normal, each = equations.T @ equations, own.T.astype(float)
+    values, vectors = np.linalg.eigh(normal)
+    least = max(values[0], 1e-9 * values[-1])
+    if values[1] < DETERMINED**2 * least:
+        return gains
+    # Ones, less what of them the equations exclude beyond the noise.
+    weights = 1 / (np.maximum(values - least, 0) + least / len(equations) / LIKELY**2)
+    factors = vectors @ (weights * (vectors.T @ np.ones(ends[-1])))
+    alike = each @ np.linalg.eigh(each.T @ normal @ each)[1][:, 0]  # a factor of each fringe
+    left, steady = (np.abs(equations @ (f / f.mean())) for f in (alike, factors))
+    if np.median(steady) >= STEADIER_OF_FEW * np.median(left):
+        return gains
+    found = [1 / one for one in np.split(factors, ends[:-1])]
+    found = [one / one.mean() for one in found]
+    if max(np.abs(one - 1).max() for one in found) >= MOST:
+        return gains
+    return [one if free else gain for one, free, gain in zip(found, few, gains, strict=True)]

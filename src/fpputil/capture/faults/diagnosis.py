@@ -167,8 +167,9 @@ def _repeated(m, capture) -> Iterator[Finding]:
             yield finding_of("frame", files=names, fringe=fringe, same="")
     share = max((np.abs(gains - 1).max() for gains in m.gains), default=0.0)
     if share > SHARE / 2:
-        few = sorted({f.steps for f in m.fringes if f.steps < FLICKERS[0]})
-        but = f", but for the pitches of {few[0]} steps, which do not tell it" if few else ""
+        steady = [f.steps for f, g in zip(m.fringes, m.gains, strict=True) if (g == 1).all()]
+        few = [number for number in steady if number < FLICKERS[0]]
+        but = f", but for the pitches of {min(few)} steps, which do not tell it" if few else ""
         yield finding_of("flicker", share=share, but=but)
 
 
