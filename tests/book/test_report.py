@@ -47,3 +47,26 @@ def test_a_pixel_that_is_pointed_at_is_marked_in_all_panels(browser, decoded):
         assert "along row" in page.locator(".fpp-plot").nth(2).text_content()
     assert faults == []
     page.close()
+
+
+def test_samples_of_a_response_lie_on_its_curve(browser, tmp_path, sphere_view, tiny):
+    patterns = Patterns((912, 1140), fringe_set((912, 114, 24), 8), white="w.png", black="b.png")
+    camera = {"noise": 0.5, "response": 2.2, "ambient": 10}
+    photograph_into(tmp_path / "shots", sphere_view, patterns, tiny.system, **camera)
+    how = {"gamma": 2.2, "report": True, "pictures": False, "system": tiny.system}
+    decoded = decode_folder(tmp_path / "shots", **how)
+    page = browser.new_page()
+    page.goto((decoded.out / "report.html").as_uri())
+    page.wait_for_selector(".fpp-live[data-on=yes]")
+    numbers = page.evaluate(
+        "document.querySelector('.fpp-live').compute({frame: 0, v: 60, u: 80}).numbers"
+    )
+    off = [value for name, (value, *_) in numbers.items() if name.endswith("off its curve")]
+    frames = decoded.measurements[0].shown
+    assert len(off) == 3 and max(off) < 4  # grey levels, of a noise of half a one
+    sinusoid = [one[:, 60, 80].astype(float) for one in frames]
+    for grey in sinusoid:
+        spectrum = np.fft.fft(grey)
+        spectrum[2:-1] = 0
+        assert np.abs(grey - np.fft.ifft(spectrum).real).max() > 8
+    page.close()

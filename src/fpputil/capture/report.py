@@ -14,12 +14,14 @@ from matplotlib.figure import Figure
 
 from fpputil import interactive, plotting
 from fpputil.capture.faults.findings import FINDINGS, Finding
+from fpputil.capture.faults.gamma import TURN, power_profile
 from fpputil.capture.measurement import Measurement
 from fpputil.capture.quality import Reason
 from fpputil.decoding.phase import THRESHOLD
 from fpputil.interactive.live import Live
 from fpputil.optics.fringes import WHITE
 
+DRAWN = 64  # points of a curve through a response
 PIXELS = 480  # of the longer side of a picture on the page
 SUSPECTS = ListedColormap(
     ["#dfe6e9", "#2d3436", "#e17055", "#6c5ce7", "#fdcb6e", "#d63031", "#00b894"]
@@ -92,7 +94,9 @@ def linked(measurement: Measurement, depth=None, instead_of: str = "") -> Live:
     along = [{"row": row["name"]}] if any(one["name"] == row["name"] for one in maps) else []
     charts = [levels, strengths, *along]
     samples = dict(zip(names, m.shown, strict=True)) if m.shown else None
-    return interactive.maps(maps, instead_of=instead_of, samples=samples, charts=charts)
+    profile = None if m.gamma == 1 else power_profile(m.gamma)[0][:: TURN // DRAWN]
+    how = {"samples": samples, "charts": charts, "profile": profile}
+    return interactive.maps(maps, instead_of=instead_of, **how)
 
 
 def _counts(names, values, top: float) -> dict:

@@ -136,6 +136,7 @@ def maps(
     instead_of: str = "",
     samples: Mapping[str, np.ndarray] | None = None,
     charts: Sequence[dict] = (),
+    profile: Sequence[float] | None = None,
 ) -> Live:
     """Maps to be read pixel by pixel.
 
@@ -149,11 +150,13 @@ def maps(
     label, instead_of : str
         Of that slider; as of `Live`.
     samples : mapping of (N, H, W) uint8, optional
-        Photographs of each phase shift, by name; those of the pixel are drawn with their sinusoid.
+        Photographs of each phase shift, by name; those of the pixel are drawn with their curve.
     charts : sequence of dict
         Beside the maps: {"row": name} draws the row of the pixel in a map; {"counts": {name: (B,)
         counts}, "top", "title", "xlabel", "of"} how often each value from 0 to top occurs, with
         that of the pixel in the map `of`, or in its samples, marked.
+    profile : sequence of float, optional
+        That curve over one period, from its top on; by default a sinusoid.
     """
     size, stacks = list(np.shape(shown[0]["values"])[-2:]), {}
     spec = {"kind": "maps", "size": size, "maps": [], "checks": []}
@@ -179,6 +182,8 @@ def maps(
             }
             for c in charts
         ]
+    if profile is not None:
+        spec["profile"] = [_short(x) for x in profile]
     if samples:
         spec["samples"] = {name: pack(np.asarray(stack)) for name, stack in samples.items()}
     seen = np.argwhere(np.isfinite(next(reversed(stacks.values()))[0].astype(float)))

@@ -258,12 +258,28 @@
     });
     const samples = html("div", { class: "fpp-plots" });
     root.append(box, grid, table, samples);
-    // The samples of a pixel at each pitch, {name: (N, H, W)}, and the sinusoid of their phase shift.
+    // A profile over one period, from its top on, at the turn x: the fringe through a response.
+    const profile = (x) => {
+      const t = (x / (2 * Math.PI) - Math.floor(x / (2 * Math.PI))) * spec.profile.length, j = Math.floor(t), p = spec.profile;
+      return p[j % p.length] * (1 - t + j) + p[(j + 1) % p.length] * (t - j);
+    };
+    function through(I) {  // A + C profile(turn + 2 pi n / N), of all turns the one that leaves least
+      const N = I.length, mean = (y) => y.reduce((a, b) => a + b, 0) / N, dot = (a, b) => mean(a.map((x, n) => x * b[n]));
+      let best = { left: Infinity };
+      for (let turn = 0; turn < 2 * Math.PI; turn += Math.PI / 128) {
+        const p = I.map((_, n) => profile(turn + (2 * Math.PI * n) / N)), own = mean(p), level = mean(I);
+        const C = (dot(p, I) - own * level) / Math.max(dot(p, p) - own * own, 1e-9), left = dot(I, I) - level * level - C * (dot(p, I) - own * level);
+        if (C > 0 && left < best.left) best = { left, at: (n) => level + C * (profile(turn + (2 * Math.PI * n) / N) - own) };
+      }
+      return best.at;
+    }
+    // The samples of a pixel at each pitch, {name: (N, H, W)}, and the curve of their phase shift.
     const sampled = (v, u) => Object.entries(spec.samples || {}).map(([name, stack]) => {
       const N = stack.shape[0], I = [...Array(N).keys()].map((n) => stack.real((n * h + v) * w + u));
       const sum = (of) => I.reduce((total, x, n) => total + x * of((2 * Math.PI * n) / N), 0);
       const A = sum(() => 1) / N, M = sum(Math.sin), D = sum(Math.cos), B = (2 / N) * Math.hypot(M, D);
-      return { name, N, I, B, at: (n) => A + (2 / N) * (D * Math.cos((2 * Math.PI * n) / N) + M * Math.sin((2 * Math.PI * n) / N)) };
+      const sinusoid = (n) => A + (2 / N) * (D * Math.cos((2 * Math.PI * n) / N) + M * Math.sin((2 * Math.PI * n) / N));
+      return { name, N, I, B, at: (spec.profile && through(I)) || sinusoid };
     });
     const level = (spec.charts || []).find((c) => c.counts && !c.of)?.top || 255;
     // {row: name of a map}, or {counts: {name: [...]}, top, of: name of a map or none for the samples}
@@ -315,7 +331,10 @@
     root.compute = ({ frame, v, u }) => {  // for the tests
       values.frame = frame;
       const numbers = Object.fromEntries(spec.maps.map((m) => [m.name, [m.values.real(index(m, v, u)), m.unit, m.values.scale]]));
-      for (const { name, B } of sampled(v, u)) numbers[name] = [B];
+      for (const { name, B, I, at } of sampled(v, u)) {
+        numbers[name] = [B];
+        if (spec.profile) numbers[`${name}, off its curve`] = [Math.max(...I.map((x, n) => Math.abs(x - at(n))))];
+      }
       return { numbers };
     };
     const point = (event) => {
