@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "learning_rate": ["search_learning_rate"],
         "assessment": ["assess"],
         "error_analysis": ["ErrorAnalysis"],
-        "statistics": ["bootstrap", "difference", "seed_variation"],
+        "statistics": ["bootstrap", "difference", "power_law", "seed_variation"],
         "tables": ["table"],
     },
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -156,3 +156,47 @@ def difference(a: Sequence, b: Sequence, spread: Spread, measure="mae_rad") -> I
     """A measure of the runs of one row above that of another; `seed_variation` of it is given."""
     one, other = (bootstrap(runs, measure) for runs in (a, b))
     return interval(one - other, *seed_error([(a, one[0]), (b, other[0])], spread))
+
+
+def power_law(images: Sequence[float], errors: Sequence[float]) -> Callable:
+    """Error as a power of the images seen, by least squares of the logarithms. Chapter 10.
+
+    Returned is a function of a number of images, which tells an `Interval`: of the law's mean, as
+    far as a law it is, which no interval knows.
+
+    Parameters
+    ----------
+    images, errors : sequence of N float
+        Of each training; three or more, of at least two numbers of images.
+
+    Raises
+    ------
+    ValueError
+        If there are too few, or a number is not above 0.
+
+    Examples
+    --------
+    >>> law = power_law([1e3, 4e3, 16e3, 64e3], [0.4, 0.2, 0.1, 0.05])
+    >>> f"{law(256e3):.3f}"
+    '0.025 [0.025, 0.025]'
+    """
+    for name, values in (("images", images), ("errors", errors)):
+        if not np.all(np.asarray(values, float) > 0):
+            raise ValueError(f"{name} {list(values)} given; numbers above 0 are needed")
+    if len(images) < 3 or len(set(images)) < 2:
+        raise ValueError(
+            f"trainings on {list(images)} images given; three or more are needed, of at least two "
+            "numbers of images"
+        )
+    x, y = np.log(images), np.log(errors)
+    A = np.stack([np.ones_like(x), x], axis=-1)
+    factors = np.linalg.lstsq(A, y, rcond=None)[0]
+    freedom = len(x) - 2
+    covariance = np.linalg.inv(A.T @ A) * np.sum((y - A @ factors) ** 2) / freedom
+
+    def law(number: float) -> Interval:
+        at = np.array([1.0, np.log(number)])
+        half = stdtrit(freedom, 0.975) * np.sqrt(at @ covariance @ at)
+        return Interval(*(float(np.exp(at @ factors + side * half)) for side in (0, -1, 1)))
+
+    return law
