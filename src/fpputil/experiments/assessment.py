@@ -38,18 +38,21 @@ changes the photographs alone: mask and truth stay those of the full exposure.""
 CONDITION_VIEWS = 100
 KINDS = ("rad", "mm", "order", "spike", "high", "low")
 FEW_KINDS = ("rad", "mm", "order")
+PHASE_KINDS = ("rad", "order")
 """Kinds of errors of which number, sum of ``|e|`` and sum of squares are kept for each model."""
 
 
-def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dict:
+def assess(trained: Trained, data: str | Path, pictures: Path | None, **loading) -> dict:
     """Measure a network: test views once, unseen families, other cameras and surfaces.
 
     Parameters
     ----------
     trained : Trained
-    data, pictures : path
-        The dataset, and a file for the errors (P,) of some test views, by number, in their masks.
-        Masks, phases, modulation and depths go to `VIEWS` beside it, if that is not there yet.
+    data : path
+        The dataset.
+    pictures : path or None
+        File for the errors (P,) of some test views, by number, in their masks. Masks, phases,
+        modulation and depths go to `VIEWS` beside it, if that is not there yet.
     **loading
         Options of `predictions`.
 
@@ -77,9 +80,10 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         result["splits"] |= both(split, scores, len(views))
         result["splits"][split]["alone"] = scores.alone.summary()
     result["splits"]["test"]["inspection"] = [a.sums() for a in analyses.values()]
-    write_arrays(pictures, errors)
-    if not (beside := pictures.with_name(VIEWS)).is_file():  # every run has the same
-        write_arrays(beside, truth)
+    if pictures is not None:
+        write_arrays(pictures, errors)
+        if not (beside := pictures.with_name(VIEWS)).is_file():  # every run has the same
+            write_arrays(beside, truth)
     few = spread(test, CONDITION_VIEWS)
     for name, options in CONDITIONS.items():
         camera = {k: (v, v) for k, v in options.items() if k != "texture"}
@@ -87,13 +91,13 @@ def assess(trained: Trained, data: str | Path, pictures: Path, **loading) -> dic
         surface.texture = seen.texture = options.get("texture", 0.0)
         seen.augmentation = Augmentation(**camera)
         scores = evaluate(trained, seen, None, surface, few, control=False, **loading)
-        result["conditions"] |= both(name, scores, len(few), FEW_KINDS)
+        result["conditions"] |= both(name, scores, len(few), PHASE_KINDS, PHASE_KINDS)
     return result
 
 
-def both(name: str, scores: Scores, views: int, kinds=KINDS) -> dict[str, dict]:
+def both(name: str, scores: Scores, views: int, kinds=KINDS, told=FEW_KINDS) -> dict[str, dict]:
     """A part as the paper of the method decodes it, and with the measuring range given."""
-    parts = {name: (scores.decoded, kinds), name + IN_RANGE: (scores.in_range, FEW_KINDS)}
+    parts = {name: (scores.decoded, kinds), name + IN_RANGE: (scores.in_range, told)}
     return {key: scored(*part, views) for key, part in parts.items()}
 
 

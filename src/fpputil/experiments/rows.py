@@ -40,7 +40,10 @@ SEEDS = {name: (0, 1, 2) for table in (3, 4) for name in ROWS[table].values()}
 SEEDS |= dict.fromkeys(("best", "sfnet-every-level", "sfnet-b-every-level"), (0, 1, 2))
 """Seeds of the runs that have more than seed 0."""
 
-NEAR = (*ROWS[3].values(), "sfnet-mid", "best")
+DRAWN = frozenset(name for table in (3, 4) for name in ROWS[table].values())
+"""Runs of which chapters 10 and 11 draw single views: those of seed 0, but not of "near"."""
+
+NEAR = (*ROWS[3].values(), "sfnet-mid")
 """Runs of the preset "near", one seed each."""
 
 

@@ -24,7 +24,7 @@ from fpputil.experiments.error_analysis import FORM as ANALYSIS
 from fpputil.experiments.error_analysis import ErrorAnalysis
 from fpputil.experiments.learning_rate import best_learning_rate, read_rates
 from fpputil.experiments.registry import SCENES, budget, experiments
-from fpputil.experiments.rows import read_stored
+from fpputil.experiments.rows import DRAWN, read_stored
 from fpputil.experiments.statistics import Interval, Spread, seeds_of
 from fpputil.files import read_arrays, write_whole
 from fpputil.learning.config import TrainingConfig
@@ -190,7 +190,8 @@ def make_run(
 ) -> Run:
     """Make a run of `experiments`, or go on with it, unless it is finished.
 
-    It leaves NAME.json and NAME.npz (errors of some views) in the folder of the preset.
+    It leaves NAME.json in the folder of the preset, and of a run of `DRAWN` NAME.npz, the errors
+    of some views.
 
     Parameters
     ----------
@@ -233,7 +234,10 @@ def make_run(
                 record = {**identity, "checksum": store.checksum, **_costs(trained, history)}
                 # By default where `fit` trains; the precision is alike on every device.
                 loading = {"device": None, **how, "precision": "float32"}
-                record |= assess(trained, data, path.with_suffix(".npz"), **loading)
+                drawn = name in DRAWN and preset != "near"
+                record |= assess(
+                    trained, data, path.with_suffix(".npz") if drawn else None, **loading
+                )
                 write_whole(path, f"{json.dumps(short(record), separators=(',', ':'))}\n".encode())
     except Timeout:
         raise BlockingIOError(f"another process is making the run {name}") from None
