@@ -79,6 +79,7 @@ def train(
     preset: Preset = "tiny",
     resume: Annotated[bool, option("Go on with the run in OUT.")] = False,
     start: Annotated[Path | None, option("Begin with this network, not a random one.")] = None,
+    on_device: Annotated[bool, option("Make the photographs where the network runs.")] = False,
     how: Training = TRAINING,
     settings: Settings = SETTINGS,
     camera: Camera = CAMERA,
@@ -102,6 +103,7 @@ def train(
         name = f"{preset} is given; name the preset of the dataset"
         raise ValueError(f"{data} was made with the preset {made}, and {name}")
     processes = how.begin() | {"start": start and learning.load_weights(start)}
+    processes["on_device"] = on_device
     _, history = learning.fit(chosen, data, config, out, resume=resume, **processes)
     if int(os.environ.get("RANK", 0)):  # the first of several processes speaks for all
         return

@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "generation": ["generate"],
         "store": ["Store", "check_files", "open_store"],
         "augmentation": ["Augmentation"],
+        "synthesis": ["ViewMaps", "synthesise"],
         "synthfringe": ["SynthFringe"],
         "folders": ["export_folder", "import_folder"],
     },

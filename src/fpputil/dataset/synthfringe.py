@@ -99,12 +99,17 @@ class SynthFringe(Dataset):
         """Draw other augmentations than in the epochs before."""
         self._epoch.fill_(whole("epoch", epoch, 0))
 
+    @property
+    def epoch(self) -> int:
+        """The epoch whose augmentations are drawn."""
+        return int(self._epoch)
+
     def __getitem__(self, number: int) -> dict[str, torch.Tensor]:
         index = int(self.indices[number])
         view = self.store.view(index)
         if self.texture:
             view = textured(view, self.texture, (self.seed, index))
-        rng = np.random.default_rng((self.seed, int(self._epoch), index))
+        rng = np.random.default_rng((self.seed, self.epoch, index))
         camera = self.augmentation.draw(rng)
         stored = self.store.array("frames", index) if self.store.fringes else None
         item = self._targets(view, stored, camera["gain"])

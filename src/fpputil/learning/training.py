@@ -19,6 +19,7 @@ from torch.utils.data import DataLoader, Subset
 from tqdm.std import tqdm
 
 from fpputil.checks import anything, read_json
+from fpputil.dataset.synthesis import ViewMaps, synthesise
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.files import write_whole
 from fpputil.learning.checkpoint import restore, save_checkpoint
@@ -43,6 +44,7 @@ def fit(
     start: Trained | None = None,
     workers: int = 0,
     device: str | None = None,
+    on_device: bool = False,
     progress: bool = False,
 ) -> tuple[Trained, list[dict]]:
     """Train a network. Chapter 8.
@@ -68,6 +70,9 @@ def fit(
     device : str, optional
         As torch names it; by default CUDA where there is one, else the CPU. Started by
         ``torchrun``, the processes share each batch.
+    on_device : bool
+        Make photographs and targets where the network runs, not in the loader: faster where a GPU
+        waits for a few processor cores. Another noise is drawn then.
     progress : bool
         Show a bar.
 
@@ -95,8 +100,9 @@ def fit(
         unseen = SynthFringe(path, "validation", shots, extremes=data.extremes)
         views = spread(unseen, settings.validation_views)
         batches = Batches(len(data), settings.batch, settings.seed, group.rank, group.size)
-        loader = DataLoader(data, batch_sampler=batches, **loader_options(workers))
-        share = Subset(unseen, views[group.rank :: group.size])
+        read = ViewMaps if on_device else lambda data: data
+        loader = DataLoader(read(data), batch_sampler=batches, **loader_options(workers))
+        share = Subset(read(unseen), views[group.rank :: group.size])
         validation = DataLoader(share, settings.batch, **loader_options(min(workers, 1)))
         geometry = Geometry.of(data.store.system, data.pitches, data.extremes).to(group.device)
         precision = precision_of(settings.precision, group.device)
@@ -117,6 +123,13 @@ def fit(
             "start": None if start is None else checksum(start.network),
             "processes": group.size,
         }
+        if on_device:
+            config["on_device"] = True
+
+        def items(batch: dict) -> dict:
+            batch = {k: v.to(group.device, non_blocking=True) for k, v in batch.items()}
+            return synthesise(batch, data) if on_device else batch
+
         history, writes = [], out is not None and group.rank == 0
 
         def as_trained() -> Trained:
@@ -145,8 +158,7 @@ def fit(
                 batches.epoch = epoch
                 network.train()
                 sums, began = Counter(), time.perf_counter()
-                for step, batch in enumerate(loader):
-                    batch = {k: v.to(group.device, non_blocking=True) for k, v in batch.items()}
+                for step, batch in enumerate(map(items, loader)):
                     # seed, epoch, batch and process alone decide what dropout drops
                     key = (settings.seed, epoch, step, group.rank)
                     torch.manual_seed(int(np.random.SeedSequence(key).generate_state(1)[0]))
@@ -166,7 +178,9 @@ def fit(
                 seconds = time.perf_counter() - began
 
                 # Validate.
-                errors = validate(method, network, validation, geometry, precision, group)
+                errors = validate(
+                    method, network, map(items, validation), geometry, precision, group
+                )
                 mae = errors["validation_mae"]
                 _require_finite("the network answers with", mae, f"after epoch {epoch + 1}")
                 names = sorted(sums)
@@ -195,12 +209,11 @@ def fit(
 
 
 @torch.no_grad()
-def validate(method, network, loader, geometry, precision: str, group: Processes) -> dict:
+def validate(method, network, batches, geometry, precision: str, group: Processes) -> dict:
     """Errors of the absolute phase over all pixels of the validation views."""
     network.eval()
     number = total = square = wrong = 0.0
-    for batch in loader:
-        batch = {k: v.to(group.device) for k, v in batch.items()}
+    for batch in batches:
         outputs = forward(network, method.inputs(batch["frames"], geometry), precision)
         Phi = method.absolute_phase(outputs, geometry)
         e = (Phi - batch["Phi"])[batch["mask"]].abs().double()
