@@ -12,7 +12,6 @@ from dataclasses import replace
 from multiprocessing import active_children
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import torch
 from matplotlib.figure import Figure
@@ -32,6 +31,7 @@ from fpputil.networks.geometry import Geometry
 from fpputil.networks.losses import Weights
 from fpputil.networks.methods import SFNetMethod
 
+pytestmark = pytest.mark.usefixtures("small_and_quick")
 METHOD = SFNetMethod(base=2, levels=2)
 CAMERA = Augmentation(gain=(0.8, 1.2), noise=(0.0, 1.0))
 SHORT = TrainingConfig(
@@ -42,28 +42,7 @@ SHORT = TrainingConfig(
     precision="float32",
     augmentation=CAMERA,
 )  # three batches an epoch, of 16 images one waits
-
-
-QUICK = replace(SHORT, epochs=20, training_views=3, validation_views=1, batch=3)
 FILES = (CONFIG, CHECKPOINT, WEIGHTS, "log.csv", "curve.png")
-
-
-def no_picture(figure, file, **options):
-    file.write(b"no picture")
-
-
-@pytest.fixture(autouse=True)
-def small_and_quick(monkeypatch):
-    """One thread; no drawing, which takes longer than a small epoch; no process left behind."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    monkeypatch.setattr(Figure, "savefig", no_picture)
-    yield
-    torch.set_num_threads(before)
-    with contextlib.suppress(RuntimeError):  # torch watches its workers
-        for process in active_children():
-            process.kill()  # or the tests would never end
-            process.join()
 
 
 def same(a, b):
@@ -143,7 +122,13 @@ def test_what_a_run_leaves_behind(small_set, tmp_path, monkeypatch):
     """Five files, and no process for which the command would wait for ever."""
     monkeypatch.undo()  # draw
     out = tmp_path / "run"
-    trained, history = fit(METHOD, small_set, replace(QUICK, epochs=2), out, workers=1)
+    trained, history = fit(
+        METHOD,
+        small_set,
+        replace(SHORT, training_views=3, validation_views=1, batch=3),
+        out,
+        workers=1,
+    )
     assert not active_children()
     assert {f.name for f in out.iterdir()} == {*FILES}
     assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
@@ -228,24 +213,12 @@ def test_weights_say_what_they_were_trained_with(whole, small_set):
     assert training["hardware"]["threads"] == 1 and training["hardware"]["processes"] == 1
 
 
-def interrupt(monkeypatch, at):
-    """Press Ctrl-C in the middle of the batch `at`, counted from 1."""
-    losses, count = SFNetMethod.losses, iter(range(1, 10**9))
-
-    def stopped(self, *batch):
-        if next(count) == at:
-            os.kill(os.getpid(), signal.SIGINT)
-        return losses(self, *batch)
-
-    monkeypatch.setattr(SFNetMethod, "losses", stopped)
-
-
 @pytest.mark.parametrize(
     "schedule, stops, workers",
     [("plateau", [1], 0), ("one-cycle", [6], 0), ("plateau", [5], 1), ("plateau", [4, 2], 0)],
 )
 def test_a_stopped_run_goes_on_as_if_it_had_not(
-    runs, small_set, tmp_path, monkeypatch, schedule, stops, workers
+    runs, interrupt, small_set, tmp_path, monkeypatch, schedule, stops, workers
 ):
     """Stopped once or more often, in the first epoch or in the second: the same bytes."""
     settings, out, trained, history = runs(schedule)
@@ -289,7 +262,7 @@ def commanded(small_set, tmp_path_factory):
     """Three epochs by the command, undisturbed."""
     out = tmp_path_factory.mktemp("commanded") / "run"
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(Figure, "savefig", no_picture)
+        patched.setattr(Figure, "savefig", lambda self, file, **_: file.write(b"no picture"))
         assert main(["train", "sfnet", "--data", str(small_set), "--out", str(out), *OPTIONS]) == 0
     return out
 
@@ -332,95 +305,6 @@ def test_a_command_that_was_killed_goes_on(commanded, small_set, tmp_path, numbe
     assert (out / WEIGHTS).read_bytes() == (commanded / WEIGHTS).read_bytes()
 
 
-def measured_as(monkeypatch, maes):
-    """Let validation find these MAEs, epoch by epoch."""
-    values = iter(maes)
-
-    def validate(*_):
-        names = ("validation_mae", "validation_rmse", "validation_order_errors")
-        return dict.fromkeys(names, next(values))
-
-    monkeypatch.setattr("fpputil.learning.training.validate", validate)
-
-
-@pytest.mark.parametrize(
-    "patience, maes, epochs",
-    [(2, [5, 4, 4, 4, 3], 4), (3, [5, 6, 6, 4, 5, 6, 7, 0], 7), (0, [1] + [2] * 7, 8)],
-)
-def test_patience_ends(small_set, monkeypatch, patience, maes, epochs):
-    """After so many epochs without a better one; never at 0."""
-    measured_as(monkeypatch, maes)
-    settings = replace(QUICK, early_stopping=patience, epochs=len(maes))
-    _, history = fit(METHOD, small_set, settings)
-    assert [row["validation_mae"] for row in history] == maes[:epochs]
-
-
-def test_patience_goes_on_after_a_stop(small_set, monkeypatch, tmp_path):
-    settings = replace(QUICK, early_stopping=3)
-    measured_as(monkeypatch, [5, 6])
-    with monkeypatch.context() as patched:
-        interrupt(patched, 3)
-        with pytest.raises(KeyboardInterrupt):
-            fit(METHOD, small_set, settings, tmp_path)
-    measured_as(monkeypatch, [7, 8, 0])
-    _, history = fit(METHOD, small_set, settings, tmp_path, resume=True)
-    assert [row["validation_mae"] for row in history] == [5, 6, 7, 8]
-
-
-def test_a_plateau_halves_the_rate(small_set, monkeypatch):
-    """After so many epochs without a better one; a better one starts the count anew."""
-    measured_as(monkeypatch, [9, 9, 8, 8, 8, 8, 8, 7.9999, 8])
-    settings = replace(QUICK, plateau_patience=2, early_stopping=0, learning_rate=1e-3, epochs=9)
-    _, history = fit(METHOD, small_set, settings)
-    rates = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 2.5e-4, 2.5e-4]
-    assert [row["learning_rate"] for row in history] == rates
-
-
-def test_one_cycle_rises_to_the_rate_and_falls_to_nothing(small_set):
-    settings = replace(
-        QUICK, schedule="one-cycle", epochs=12, training_views=4, batch=2, learning_rate=1e-2
-    )
-    _, history = fit(METHOD, small_set, settings)
-    rates = [row["learning_rate"] for row in history]
-    k = np.arange(2, 24, 2)  # two steps an epoch; 24 in all, the rise in the first 15 %
-    up, all_steps = 0.15 * 24 - 1, 23
-    t = np.where(k < up, k / up, (k - up) / (all_steps - up))
-    low, high = np.where(k < up, 1e-2 / 25, 1e-2), np.where(k < up, 1e-2, 1e-2 / 25e4)
-    expected = high + (low - high) * (1 + np.cos(np.pi * t)) / 2
-    np.testing.assert_allclose(rates[:-1], expected, rtol=1e-6)
-    assert rates[-1] < 1e-4
-
-
-def test_gradients_are_clipped_and_weights_decay(small_set):
-    """Gradients clipped to nothing leave the decay of AdamW alone: 1 - rate decay a step."""
-    settings = replace(
-        QUICK,
-        epochs=1,
-        training_views=6,
-        batch=3,
-        learning_rate=1e-2,
-        weight_decay=0.5,
-        max_grad_norm=1e-14,
-    )
-    trained, _ = fit(METHOD, small_set, settings)
-    with torch.random.fork_rng():
-        torch.manual_seed(settings.seed)
-        first = METHOD.network().state_dict()
-    for name, tensor in trained.network.state_dict().items():
-        expected = first[name] * (1 - 1e-2 * 0.5) ** 2
-        torch.testing.assert_close(tensor, expected, rtol=1e-5, atol=1e-6)
-
-
-def test_the_best_epoch_is_kept(small_set, monkeypatch, tmp_path):
-    measured_as(monkeypatch, [3, 1, 2])
-    fit(METHOD, small_set, replace(QUICK, epochs=3), tmp_path)
-    measured_as(monkeypatch, [3, 1])
-    best, _ = fit(METHOD, small_set, replace(QUICK, epochs=2))
-    kept = load_file(tmp_path / WEIGHTS)
-    for name, tensor in best.network.state_dict().items():
-        assert torch.equal(tensor.half(), kept[name])
-
-
 @pytest.mark.parametrize("at, epoch, batch", [(1, 1, 1), (5, 2, 2)])
 def test_a_loss_that_is_not_finite_ends_the_run(small_set, tmp_path, monkeypatch, at, epoch, batch):
     losses, count = SFNetMethod.losses, iter(range(1, 99))
@@ -433,33 +317,6 @@ def test_a_loss_that_is_not_finite_ends_the_run(small_set, tmp_path, monkeypatch
     with pytest.raises(FloatingPointError, match=f"nan in epoch {epoch}, batch {batch}; a lower"):
         fit(METHOD, small_set, SHORT, tmp_path)
     assert (tmp_path / CHECKPOINT).exists() == (epoch > 1)
-
-
-def test_a_network_that_answers_nan_is_not_kept(small_set, monkeypatch, tmp_path):
-    measured_as(monkeypatch, [3, math.nan])
-    with pytest.raises(FloatingPointError, match="answers with nan after epoch 2"):
-        fit(METHOD, small_set, replace(QUICK, epochs=3), tmp_path)
-    assert len(read_state(tmp_path / CHECKPOINT)["history"]) == 1
-
-
-@pytest.mark.parametrize("fails", ["save_weights", "write_log"])
-def test_a_file_that_cannot_be_written_costs_no_epoch(small_set, monkeypatch, tmp_path, fails):
-    """Weights and log follow from the checkpoint, which is written first."""
-    undisturbed, stopped = tmp_path / "a", tmp_path / "b"
-    fit(METHOD, small_set, replace(QUICK, epochs=1), undisturbed)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patched:
-        patched.setattr(f"fpputil.learning.training.{fails}", full)
-        with pytest.raises(OSError, match="No space left"):
-            fit(METHOD, small_set, replace(QUICK, epochs=1), stopped)
-    before = (stopped / CHECKPOINT).read_bytes()
-    _, history = fit(METHOD, small_set, replace(QUICK, epochs=1), stopped, resume=True)
-    assert (stopped / CHECKPOINT).read_bytes() == before
-    assert read_log(stopped / "log.csv") == history and len(history) == 1
-    assert (stopped / WEIGHTS).read_bytes() == (undisturbed / WEIGHTS).read_bytes()
 
 
 def test_bfloat16_trains_as_well(small_set):
