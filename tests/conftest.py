@@ -76,7 +76,7 @@ def small_set(tmp_path_factory):
     return out
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser():
     if BROWSER is None:
         pytest.skip("no Chromium or Chrome is installed (Debian: apt install chromium)")

@@ -153,8 +153,10 @@ SAY = (
 )
 
 
-def test_the_page_says_what_python_says(page):
-    cases = []  # exercise, text on the page, what Python says
+@pytest.fixture(scope="module")
+def cases():
+    """Exercise, text on the page, and what Python says of it."""
+    cases = []
     for key in NUMBERS:
         exercise = exercises.find(key)
         for values in wrong_answers(exercise.expected):
@@ -162,6 +164,10 @@ def test_the_page_says_what_python_says(page):
             cases.append((key, text, exercise.diagnose(values)))
         for text, given in (("many", "many"), ("1 2 3 4 5 6", range(1, 7))):
             cases.append((key, text, exercise.diagnose(given)))
+    return cases
+
+
+def test_the_page_says_what_python_says(page, cases):
     told = page.evaluate(SAY, [case[:2] for case in cases])
     assert [(*case[:2], says) for case, says in zip(cases, told, strict=True)] == cases
     assert len(cases) > 800 and len(set(told)) > 40

@@ -17,12 +17,12 @@ TAIL = ["## Summary", "## What next", "## Exercises"]
 IGNORED = {"nbval-ignore-output", "nbval-skip"}
 
 
-@pytest.fixture(params=CHAPTERS, ids=lambda path: path.stem)
+@pytest.fixture(scope="module", params=CHAPTERS, ids=lambda path: path.stem)
 def path(request):
     return request.param
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def cells(path):
     return json.loads(path.read_text(encoding="utf-8"))["cells"]
 
