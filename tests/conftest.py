@@ -76,6 +76,14 @@ def small_set(tmp_path_factory):
     return out
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """No figure is drawn, which takes most of a second; its file says so."""
+    from matplotlib.figure import Figure
+
+    monkeypatch.setattr(Figure, "savefig", lambda self, file, **_: file.write(b"no picture"))
+
+
 @pytest.fixture(scope="session")
 def browser():
     if BROWSER is None:

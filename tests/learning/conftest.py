@@ -7,17 +7,15 @@ from multiprocessing import active_children
 
 import pytest
 import torch
-from matplotlib.figure import Figure
 
 from fpputil.networks.methods import SFNetMethod
 
 
 @pytest.fixture
-def small_and_quick(monkeypatch):
+def small_and_quick(undrawn):
     """One thread; no drawing, which takes longer than a small epoch; no process left behind."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
-    monkeypatch.setattr(Figure, "savefig", lambda self, file, **_: file.write(b"no picture"))
     yield
     torch.set_num_threads(before)
     with contextlib.suppress(RuntimeError):  # torch watches its workers

@@ -1,5 +1,6 @@
 """SFNet and its rivals: each has inputs, targets, losses and a way to the phase of its own."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -43,8 +44,14 @@ ALL = {
 each = pytest.mark.parametrize("method", ALL.values(), ids=ALL)
 
 
-def batch_of(small_set, method, split="training", number=4):
-    data = SynthFringe(small_set, split, method.photographs)
+def batch_of(small_set, method, number=4):
+    geometry, batch = loaded(small_set, tuple(method.photographs), number)
+    return geometry, dict(batch)
+
+
+@functools.cache
+def loaded(small_set, photographs, number):
+    data = SynthFringe(small_set, "training", photographs)
     items = [data[k] for k in range(number)]
     stacked = {k: torch.stack([item[k] for item in items]) for k in items[0]}
     return Geometry.of(data.store.system, data.pitches, data.extremes), stacked
@@ -166,6 +173,23 @@ def changed(batch, name, channel=None):
 HIGH, MID, ZMIN, UNIT = range(4)
 
 
+@pytest.fixture(scope="module")
+def answered(small_set):
+    """Of each method the total losses of what its network answers: a function, a batch, values."""
+
+    def answer(method):
+        geometry, batch = batch_of(small_set, method)
+        with torch.no_grad():
+            outputs = network(method)(method.inputs(batch["frames"], geometry))
+
+        def losses(targets):
+            return method.losses(outputs, targets, geometry)["total"]
+
+        return losses, batch, losses(batch)
+
+    return {label: answer(method) for label, method in ALL.items()}
+
+
 @pytest.mark.parametrize(
     "name, channel, learnt_by",
     [
@@ -180,12 +204,9 @@ HIGH, MID, ZMIN, UNIT = range(4)
         ("depth", None, set()),
     ],
 )
-def test_each_method_learns_from_targets_of_its_own(small_set, name, channel, learnt_by):
-    for label, method in ALL.items():
-        geometry, batch = batch_of(small_set, method)
-        outputs = network(method)(method.inputs(batch["frames"], geometry))
-        before = method.losses(outputs, batch, geometry)["total"]
-        after = method.losses(outputs, changed(batch, name, channel), geometry)["total"]
+def test_each_method_learns_from_targets_of_its_own(answered, name, channel, learnt_by):
+    for label, (losses, batch, before) in answered.items():
+        after = losses(changed(batch, name, channel))
         assert (not torch.equal(before, after)) == (label in learnt_by), label
 
 
@@ -306,7 +327,7 @@ def test_settings_there_and_back(method):
 
 
 @pytest.mark.parametrize("name", ["sfnet, unit", "sido", "psnet", "dlalnet"])
-def test_it_learns_and_is_measured_as_it_was_saved(small_set, tmp_path, name):
+def test_it_learns_and_is_measured_as_it_was_saved(undrawn, small_set, tmp_path, name):
     """A few steps lower the loss; the file has the method, the split its photographs."""
     method = ALL[name]
     settings = TrainingConfig(

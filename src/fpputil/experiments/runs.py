@@ -260,8 +260,9 @@ def training_cost(preset: str, names: Iterable[str]) -> dict[str, float]:
     camera, settings, known = preset_of(preset).system.camera, budget(preset), experiments(preset)
     tiles = -(-camera.height // TILE) * -(-camera.width // TILE)
     images = settings.epochs * (settings.training_views or SCENES)
-    tile = {n: cost(known[n].method.network(), (TILE, TILE)).multiply_adds for n in names}
-    return {name: float(images * tiles * work) for name, work in tile.items()}
+    method = {name: known[name].method for name in names}
+    tile = {one: cost(one.network(), (TILE, TILE)).multiply_adds for one in set(method.values())}
+    return {name: float(images * tiles * tile[one]) for name, one in method.items()}
 
 
 def training_speed(runs: Mapping[str, Run]) -> float | None:
