@@ -1,5 +1,6 @@
 """Gray code with phase shifting and alone: columns, orders, faults, and the command."""
 
+import functools
 import json
 from dataclasses import replace
 
@@ -40,13 +41,23 @@ def view():
     return raycast(shapes.place(part(3), 240, [0, 0, 660]), SYSTEM, supersample=2)
 
 
+@pytest.fixture(scope="module")
+def photographs(view):
+    """Function from patterns to their photographs by name, each taken once."""
+
+    @functools.lru_cache(12)
+    def of(patterns):
+        return {s.file: frame for s, frame in photograph(view, patterns, SYSTEM, 0, noise=2.0)}
+
+    return of
+
+
 @pytest.fixture
-def taken(tmp_path, view):
+def taken(tmp_path, photographs):
     """Function from patterns, and a change of the pictures of their code, to a measurement."""
 
-    def take(patterns, change=None, given=None, **camera):
-        shots = photograph(view, patterns, SYSTEM, 0, **{"noise": 2.0, **camera})
-        frames = {shot.file: frame for shot, frame in shots}
+    def take(patterns, change=None, given=None):
+        frames = dict(photographs(patterns))
         if change is not None:
             files = [file for file in frames if "gray" in file]
             mean = np.mean([frames[file] for file in frames if "gray" not in file], axis=0)
@@ -227,13 +238,15 @@ def test_the_pattern_file_holds_the_code(tmp_path):
     ],
 )
 def test_the_command_makes_and_decodes_them(tmp_path, options, capsys):
+    """With a report of fringes under a code, and of a code alone."""
+    bare = [] if options in ("", "--code alone") else ["--no-report", "--no-pictures"]
     words = ["patterns", str(tmp_path / "p"), "--unwrap", "gray", "--projector", "912x1140"]
     assert main([*words, *options.split()]) == 0
     toml = ["--patterns", str(tmp_path / "p" / "patterns.toml")]
     render = ["render", str(tmp_path / "s"), *toml, "--sphere", "100", "--system", "small"]
     assert main(render) == 0
     out = ["--out", str(tmp_path / "out"), "--system", "small"]
-    assert main(["decode", str(tmp_path / "s"), *out]) == 0, capsys.readouterr().err
+    assert main(["decode", str(tmp_path / "s"), *out, *bare]) == 0, capsys.readouterr().err
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["decoded"] and summary["points"] > 15_000
     with np.load(tmp_path / "out" / "decoded.npz") as found:

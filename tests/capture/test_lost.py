@@ -12,6 +12,7 @@ from fpputil.capture.quality import Reason
 from fpputil.capture.report import page
 from fpputil.optics.fringes import fringe_set
 
+pytestmark = pytest.mark.usefixtures("undrawn")
 PROJECTOR = (912, 1140)
 EIGHT = Patterns(PROJECTOR, fringe_set((912, 114, 36), 8))
 

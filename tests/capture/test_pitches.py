@@ -51,10 +51,21 @@ def taken(folder, view, shown, system=SYSTEM, given=None, **camera):
     return measure(capture, given.axes[0]), capture
 
 
-@pytest.mark.parametrize("width", WIDTHS)
-def test_sets_of_the_heterodyne_kind_give_the_columns(tmp_path, width):
-    assert len(set(SETS)) >= 60
-    for periods in sorted(set(SETS)):
+EVERY = sorted(set(SETS))
+SOME = [EVERY[k :: len(WIDTHS)] for k in range(len(WIDTHS))]  # each set on one of the projectors
+
+
+@pytest.mark.parametrize(
+    "width, sets",
+    [
+        *zip(WIDTHS, SOME, strict=True),
+        *(pytest.param(width, EVERY, marks=pytest.mark.slow) for width in WIDTHS),
+    ],
+    ids=[*(f"some {width}" for width in WIDTHS), *(f"all {width}" for width in WIDTHS)],
+)
+def test_sets_of_the_heterodyne_kind_give_the_columns(tmp_path, width, sets):
+    assert len(EVERY) >= 60
+    for periods in sets:
         fringes = fringe_set([width / n for n in periods], 4)
         patterns = Patterns((width, 100), fringes, "mw", files="{periods}-{step}.npy")
         result, _ = taken(tmp_path, wall(width), patterns, quantise=False)

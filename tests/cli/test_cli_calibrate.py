@@ -115,6 +115,33 @@ def test_the_board_that_is_there_is_proposed(refused, poses):
     assert "it looks like --kind chessboard --board 8x6" in error
 
 
+def test_a_board_is_rendered_and_calibrates_the_system(poses, tmp_path, capsys):
+    board = ["--board", "8x6", "--square", "35"]
+    out, reach = str(tmp_path / "s.json"), ["--range", "480", "820"]
+    found = ["calibrate", str(poses), out, *board, *reach, "--lens", "0"]
+    assert main([*found, "--projector-lens", "0"]) == 0
+    said = capsys.readouterr()
+    assert "baseline 15" in said.out and "4 poses were used" in said.err
+    assert main([*found]) == 1 and "is there already" in capsys.readouterr().err
+    wrong = [{"35": "3.5"}.get(w, w) for w in found]
+    assert main([*wrong, "--force"]) == 0
+    assert "outside the measuring range of 480 to 820 mm" in capsys.readouterr().err
+    wrong = [{"8x6": "9x7"}.get(w, w) for w in found]
+    assert main([*wrong, "--force"]) == 1
+    said = capsys.readouterr().err
+    assert "pose-00, pose-01, pose-02, pose-03: no chessboard" in said and "inner corners" in said
+    (poses / "pose-01/patterns.toml").unlink()  # one bad pose of four is left out by name
+    assert main([*found, "--force"]) == 0
+    said = capsys.readouterr()
+    assert "pose-01              left out: no patterns.toml in" in said.out
+    assert "3 poses were used" in said.err
+    next((poses / "pose-02").glob("*.png")).unlink()
+    assert main([*found, "--force"]) == 1
+    said = capsys.readouterr().err
+    assert "2 of 4 poses can be used; 3 are needed" in said
+    assert "pose-01: no patterns.toml in" in said and "pose-02: " in said
+
+
 OTHERS = {
     "asymmetric circles": "--board 4x7 --kind asymmetric --square 26",
     "legacy ChArUco": "--board 7x5 --kind charuco --square 30 --dictionary 5x5_100 --legacy",
