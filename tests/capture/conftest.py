@@ -1,5 +1,7 @@
 """A wall that waves, seen by the system "small", and captures of it."""
 
+import functools
+
 import cv2
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from fpputil.capture.patterns import NAME
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.virtual import photograph
 from fpputil.decoding.unwrap import TWO_PI
+from fpputil.optics.fringes import Fringe
 from fpputil.optics.system import preset
 from fpputil.optics.view import View
 
@@ -29,15 +32,34 @@ def wall():
     return View(column, row, shade.astype("f4"), depth, inside)
 
 
+@pytest.fixture(scope="session")
+def photographs():
+    """Function from a view, patterns, a response and a camera to frames by name, not to be changed.
+
+    The last are kept: many tests begin with the same.
+    """
+
+    def taken(view, patterns, response, light, **camera):
+        shots = photograph(view, patterns, preset("small").system, 0, response, **camera)
+        return {shot.file: frame for shot, frame in shots}
+
+    kept = functools.lru_cache(8)(taken)
+
+    def of(view, patterns, response=1.0, **camera):
+        take = kept if isinstance(response, float) else taken
+        light = Fringe._buffer  # which some tests replace
+        return dict(take(view, patterns, response, light, **camera))
+
+    return of
+
+
 @pytest.fixture
-def taken(tmp_path, wall):
+def taken(tmp_path, wall, photographs):
     """Function from patterns, a change of their photographs and a camera to a `Capture`."""
 
     def capture(patterns, change=lambda frames: frames, response=1.0, view=wall, **camera):
-        system = preset("small").system
-        camera = {"noise": 1.0, "ambient": 10.0, **camera}
-        shots = photograph(view, patterns, system, 0, response, **camera)
-        for name, frame in change({shot.file: frame for shot, frame in shots}).items():
+        frames = photographs(view, patterns, response, **{"noise": 1.0, "ambient": 10.0, **camera})
+        for name, frame in change(frames).items():
             cv2.imwrite(str(tmp_path / name), frame)
         patterns.save(tmp_path / NAME)
         return open_capture(tmp_path, patterns)

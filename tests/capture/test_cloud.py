@@ -57,7 +57,7 @@ def depth_known(result):
         return np.isfinite(file["depth"])
 
 
-def test_the_command_tells_what_it_left_out(shots, tmp_path, capsys):
+def test_the_command_tells_what_it_left_out(undrawn, shots, tmp_path, capsys):
     words = ["decode", str(shots), "--out", str(tmp_path / "o"), "--no-pictures"]
     rig = ["--system", "tiny", "--force"]
     assert main([*words, *rig, "--mesh", "--max-sigma", "2", "--lone", "4"]) == 0

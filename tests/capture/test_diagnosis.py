@@ -12,7 +12,6 @@ from fpputil.capture.faults.findings import FINDINGS, SEVERE
 from fpputil.capture.measurement import measure
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture
-from fpputil.capture.virtual import photograph
 from fpputil.optics import shapes
 from fpputil.optics.fringes import fringe_set
 from fpputil.optics.parts import part
@@ -30,7 +29,7 @@ def view():
 
 
 @pytest.fixture
-def diagnosed(tmp_path, view):
+def diagnosed(tmp_path, view, photographs):
     """Function from patterns, a change of their photographs and a camera to codes of findings."""
 
     def judge(
@@ -42,8 +41,7 @@ def diagnosed(tmp_path, view):
         **camera,
     ):
         camera = {"noise": 1.0, **camera}
-        shots = photograph(view, shown or patterns, SYSTEM, 0, response, **camera)
-        frames = {shot.file: frame for shot, frame in shots}
+        frames = photographs(view, shown or patterns, response, **camera)
         names = [shot.file for shot in patterns.shots()]
         frames = change(dict(zip(names, frames.values(), strict=True)))
         for name, frame in frames.items():

@@ -25,7 +25,7 @@ def shots(tmp_path, sphere_view, tiny):
     return tmp_path / "a <b> & c"
 
 
-def test_results_are_those_of_measure_and_lie_beside_the_folder(shots, tiny):
+def test_results_are_those_of_measure_and_lie_beside_the_folder(undrawn, shots, tiny):
     result = decode_folder(shots, system=tiny.system)
     direct = measure(open_capture(shots))
     assert result.out == shots.with_name("a <b> & c-decoded")
@@ -80,7 +80,7 @@ def test_photographs_written_as_arrays_are_decoded(tmp_path, sphere_view, tiny):
         photograph_into(tmp_path, sphere_view, replace(arrays, files="{pitch}-{step}"), tiny.system)
 
 
-def test_wrong_phases_are_not_written(shots, tiny):
+def test_wrong_phases_are_not_written(undrawn, shots, tiny):
     turned = replace(PATTERNS, shift=-1)
     result = decode_folder(shots, shots.with_name("out"), tiny.system, patterns=turned)
     assert [f.code for f in result.findings] == ["mounting"]

@@ -1,6 +1,5 @@
 """Gray code with phase shifting and alone: columns, orders, faults, and the command."""
 
-import functools
 import json
 from dataclasses import replace
 
@@ -41,23 +40,12 @@ def view():
     return raycast(shapes.place(part(3), 240, [0, 0, 660]), SYSTEM, supersample=2)
 
 
-@pytest.fixture(scope="module")
-def photographs(view):
-    """Function from patterns to their photographs by name, each taken once."""
-
-    @functools.lru_cache(12)
-    def of(patterns):
-        return {s.file: frame for s, frame in photograph(view, patterns, SYSTEM, 0, noise=2.0)}
-
-    return of
-
-
 @pytest.fixture
-def taken(tmp_path, photographs):
+def taken(tmp_path, view, photographs):
     """Function from patterns, and a change of the pictures of their code, to a measurement."""
 
     def take(patterns, change=None, given=None):
-        frames = dict(photographs(patterns))
+        frames = photographs(view, patterns, noise=2.0)
         if change is not None:
             files = [file for file in frames if "gray" in file]
             mean = np.mean([frames[file] for file in frames if "gray" not in file], axis=0)

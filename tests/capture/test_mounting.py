@@ -230,7 +230,7 @@ def test_an_upright_system_does_not_take_a_projector_on_its_head(rig, decoded):
     assert codes(result) == {"apart": True} and result.points is None
 
 
-def test_the_report_of_another_rig_does_not_blame_the_phases(rig, decoded):
+def test_the_report_of_another_rig_does_not_blame_the_phases(undrawn, rig, decoded):
     result, _ = decoded(rig("small"), rig("small", "below"), report=True)
     page = (result.out / "report.html").read_text()
     assert "The points are wrong" in page and "have no depth from 480 to 820 mm" in page

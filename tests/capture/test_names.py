@@ -175,7 +175,7 @@ def test_a_pattern_file_of_an_editor_that_marks_utf_8(folder):
     assert decoded(folder)
 
 
-def test_photographs_whose_names_are_not_utf_8(folder):
+def test_photographs_whose_names_are_not_utf_8(undrawn, folder):
     for shot in PATTERNS.shots():
         name = b"caf\xe9 %d-%d.png" % (shot.fringe, shot.step)
         (folder / shot.file).rename(folder / os.fsdecode(name))

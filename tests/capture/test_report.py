@@ -75,7 +75,7 @@ def test_a_capture_without_a_good_pixel_has_a_page(taken):
     assert "uncertainty" not in [one["name"] for one in linked(result).spec["maps"]]
 
 
-def test_names_of_a_stranger_are_text(tmp_path, wall):
+def test_names_of_a_stranger_are_text(undrawn, tmp_path, wall):
     hostile = tmp_path / '"><img src=x onerror=alert(1)>'
     photograph_into(hostile, wall, EIGHT, preset("small").system, noise=1.0)
     out = decode_folder(hostile, tmp_path / "out", pictures=False).out
