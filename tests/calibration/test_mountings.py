@@ -40,7 +40,13 @@ def points_off(found, system):
     return np.abs(found.system.projector.project(x) - lit).max()
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize(
+    "place",
+    [
+        *("above", "on its head"),
+        *(pytest.param(place, marks=pytest.mark.slow) for place in ("left", "on its side")),
+    ],
+)
 def test_any_mounting_is_calibrated_and_told_by_R(hung, photograph, place):
     system = hung(preset("small").system, *PLACES[place])
     found = calibrated(system, photograph)

@@ -87,6 +87,7 @@ def test_names_of_a_stranger_are_text(undrawn, tmp_path, wall):
     assert name not in page(name, [result], findings)
 
 
+@pytest.mark.slow
 def test_a_large_capture_has_a_page_under_three_megabytes(tmp_path, paper_sphere_view, paper):
     fringes = (*fringe_set((1140, 114, 24), 8), *fringe_set((1140, 114, 24), 8, axis="row"))
     photograph_into(

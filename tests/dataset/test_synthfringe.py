@@ -98,7 +98,7 @@ def test_photographs_are_normalised_by_the_training_extremes(small_set):
     assert values.min() == 0 and 0.8 < values.max() <= 1
 
 
-@pytest.mark.parametrize("workers", [0, 1, 2])
+@pytest.mark.parametrize("workers", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])
 def test_items_do_not_depend_on_the_workers(workers, small_set):
     how = {"gain": (0.5, 1.2), "noise": (0.5, 3.0), "gamma": (0.8, 1.2)}
     data = SynthFringe(small_set, "training", augmentation=Augmentation(**how), seed=3)

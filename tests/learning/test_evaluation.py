@@ -190,6 +190,7 @@ def test_photographs_that_are_not_finite_are_named(small_set, about, wild):
         predict_batch(trained, frames, Geometry.of(data.store.system, data.pitches))
 
 
+@pytest.mark.slow
 def test_loading_processes_change_nothing(small_set, about):
     trained = Trained(METHOD, network(), about)
     data = open_split(trained, small_set, "test", Augmentation(noise=(3.0, 3.0)), seed=4)

@@ -215,7 +215,12 @@ def test_weights_say_what_they_were_trained_with(whole, small_set):
 
 @pytest.mark.parametrize(
     "schedule, stops, workers",
-    [("plateau", [1], 0), ("one-cycle", [6], 0), ("plateau", [5], 1), ("plateau", [4, 2], 0)],
+    [
+        ("plateau", [1], 0),
+        ("one-cycle", [6], 0),
+        pytest.param("plateau", [5], 1, marks=pytest.mark.slow),
+        ("plateau", [4, 2], 0),
+    ],
 )
 def test_a_stopped_run_goes_on_as_if_it_had_not(
     runs, interrupt, small_set, tmp_path, monkeypatch, schedule, stops, workers
