@@ -1,7 +1,8 @@
 """The book as one PDF: ``python book/_ext/make_pdf.py HTML PDF`` prints the one-page book.
 
-The print is what a reader sees first: folded cells and solutions stay folded, a figure to play
-with is its still picture. Front page and contents are made from the page itself.
+The print is for one who reads on: folded code, hints and solutions are left out, asides are open, a
+figure to play with is its still picture. Front page and contents are made from the page itself.
+What leads nowhere and what is wider than the page is named on the error stream.
 """
 
 import os
@@ -14,40 +15,91 @@ from playwright.sync_api import Error, sync_playwright
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 FRONT = """() => {
-  document.querySelectorAll('.solution, dialog, #jb-print-docs-body').forEach(e => e.remove());
-  document.querySelector('.fpp-gallery').closest('section').remove(); // the figures once is enough
-  document.querySelectorAll('img').forEach(i => { i.loading = 'eager'; });
-  document.querySelectorAll('details').forEach(d => { d.open = false; });
   const book = document.querySelector('article');
+  document.querySelector('.fpp-gallery').closest('section').remove(); // the figures once is enough
+  document.querySelectorAll(`.solution, dialog, #jb-print-docs-body, .headerlink,
+    .cell details.hide`).forEach(e => e.remove());
+  document.querySelectorAll('.exercise details').forEach(e => e.remove());
+  document.querySelectorAll('img').forEach(i => { i.loading = 'eager'; });
+  document.querySelectorAll('details').forEach(d => { d.open = true; });
+
   const front = document.createElement('div'), list = document.createElement('ol');
   front.className = 'fpp-front';
-  front.innerHTML = `<div class="fpp-title">${document.title}</div>`;
-  const clean = h => { const c = h.cloneNode(true);
-    c.querySelectorAll('.headerlink').forEach(e => e.remove()); return c.innerHTML; };
+  front.id = 'document-book/index';
+  front.innerHTML = `<div class="fpp-title">${document.title}</div>
+    <p>Printed from the pages: folded code, hints and solutions stand in the notebooks, and figures
+    to play with are still.</p><h2>Contents</h2>`;
+  const goals = []; // of each link the element it leads to
   for (const h of book.querySelectorAll('section > :is(h2, h3)')) {
-    if (h.closest('.exercise, .admonition, .fpp-gallery')) continue;
-    const at = h.closest('section').id;
-    const item = document.createElement('li');
+    if (h.closest('.exercise, .admonition')) continue;
+    const item = document.createElement('li'), link = document.createElement('a');
     item.className = h.tagName;
-    item.innerHTML = `<a href="#${at}">${clean(h)}</a>`;
+    link.innerHTML = h.innerHTML;
+    goals.push([link, h.closest('section')]);
+    item.append(link);
     list.append(item);
   }
   front.append(list);
   book.prepend(front);
+
+  const pages = [location.pathname, new URL('book/index.html', location).pathname], dead = [];
+  for (const link of book.querySelectorAll('a[href]')) { // pages joined have an address repeatedly
+    const url = new URL(link.href), id = decodeURIComponent(url.hash.slice(1));
+    if (url.protocol !== 'file:') continue;
+    const there = [...book.querySelectorAll(`[id="${CSS.escape(id)}"]`)];
+    const goal = there.find(e => e.closest('.citation')) ?? there[0];
+    if (goal && pages.includes(url.pathname)) goals.push([link, goal]);
+    else {
+      dead.push(`the link to ${link.getAttribute('href')} leads nowhere`);
+      link.removeAttribute('href');
+    }
+  }
+  const places = new Map();
+  for (const [link, goal] of goals) {
+    if (!places.has(goal)) places.set(goal, `place-${places.size}`);
+    link.setAttribute('href', `#${places.get(goal)}`);
+  }
+  for (const [goal, id] of places) {
+    const place = document.createElement('span');
+    place.id = id;
+    goal.prepend(place);
+  }
+
   const style = document.createElement('style');
   style.textContent = `
-    .fpp-front { break-after: page; }
-    .fpp-title { font-size: 40pt; padding: 80mm 0; text-align: center; }
-    .fpp-front > ol { break-before: page; columns: 2; list-style: none; padding: 0; }
+    .fpp-front { break-after: page; text-align: center; }
+    .fpp-title { font-size: 40pt; padding: 80mm 0; }
+    .fpp-front > h2 { break-before: page; text-align: left; }
+    .fpp-front > ol { columns: 2; list-style: none; padding: 0; text-align: left; font-size: 94%;
+      line-height: 1.5; }
     .fpp-front .H2 { font-weight: 600; margin-top: .6em; break-after: avoid; }
     .fpp-front .H3 { margin-left: 1.5em; }
-    section > h1, [id^="document-"] { display: block; break-before: page; }
-    figure, .math, tr { break-inside: avoid; } figure { margin-inline: 0; }
+    section > h1, [id^="document-"]:not(.fpp-front) { display: block; break-before: page; }
+    figure, .math, tr, .sd-card:not(details), .exercise, .short { break-inside: avoid; }
+    dt, summary { break-after: avoid; }
+    figure { margin-inline: 0; }
+    pre { overflow: visible !important; orphans: 4; widows: 4; }
     img { max-width: 100%; } .toctree-wrapper > p.caption { display: none; }
     .bd-header-article, .bd-sidebar-secondary, .prev-next-footer, .copybtn {
       display: none !important; }`;
   document.head.append(style);
+  for (const code of book.querySelectorAll('.cell_input, .highlight'))
+    code.classList.toggle('short', code.textContent.trim().split('\\n').length < 25);
+  return [...new Set(dead)];
 }"""
+WIDE = """() => {
+  const article = document.querySelector('article'), wide = [];
+  const margin = parseFloat(getComputedStyle(article).paddingRight);
+  const edge = article.getBoundingClientRect().right - margin + 1;
+  for (const e of article.querySelectorAll('pre, table, img, svg, mjx-container, p, dt')) {
+    const box = e.getBoundingClientRect(), width = e.tagName === 'PRE' ? e.scrollWidth : 0;
+    if (Math.max(box.right, box.left + width) > edge)
+      wide.push(`wider than the page: ${(e.alt || e.textContent).trim().slice(0, 80)}`);
+  }
+  return wide;
+}"""
+SCALE = 0.75
+SHEET = {"width": round((210 - 2 * 16) / 25.4 * 96 / SCALE), "height": 1300}  # px: A4, its margins
 FOOT = (
     '<div style="font-size: 8px; width: 100%; text-align: center"><span class="pageNumber"></span>'
     "</div>"
@@ -61,17 +113,20 @@ def main(source: Path, target: Path) -> None:
             browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         except Error:
             sys.exit("no Chromium or Chrome was found to print with (Debian: apt install chromium)")
-        page = browser.new_page(color_scheme="light", offline=True)
+        page = browser.new_page(color_scheme="light", offline=True, viewport=SHEET)
+        page.emulate_media(media="print")
         page.set_default_timeout(600_000)
         page.goto(source.resolve().as_uri())
         page.wait_for_function("window.MathJax?.startup?.promise", timeout=60_000)
         page.evaluate("MathJax.startup.promise")
-        page.evaluate(FRONT)
+        wrong = page.evaluate(FRONT)
         page.evaluate("Promise.allSettled([...document.images].map(i => i.decode()))")
+        for line in wrong + page.evaluate(WIDE):
+            print(line, file=sys.stderr)
         page.pdf(
             path=target,
             format="A4",
-            scale=0.75,
+            scale=SCALE,
             outline=True,
             tagged=True,
             display_header_footer=True,

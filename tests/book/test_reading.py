@@ -1,5 +1,6 @@
 """What a reader sees and does: dark pages, large pictures, long lines, keys, terms, the gallery."""
 
+import re
 import subprocess
 from contextlib import contextmanager
 from pathlib import Path
@@ -198,10 +199,34 @@ def test_the_gallery_has_all_numbered_figures(html, visit):
     assert shown == there and len(there) > 60
 
 
+def test_a_table_to_sort_is_printed(opened):
+    page = opened("chapters/10_comparison")
+    for button in page.query_selector_all(".fpp-show"):  # a table may be the answer
+        button.click()
+    page.wait_for_selector(".fpp-live .fpp-sort")
+    page.emulate_media(media="print")
+    assert page.query_selector(".fpp-live table").is_visible()
+    assert not page.query_selector(".fpp-live select").is_visible()
+
+
 @pytest.mark.slow
 def test_the_book_is_one_pdf(html, tmp_path):
     target, edition = tmp_path / "book.pdf", ROOT / "_build/editions/01_fringes.ipynb"
     before = edition.read_bytes()
-    subprocess.run(["make", "-C", ROOT, "pdf", f"PDF={target}"], check=True)
+    command = ["make", "-C", ROOT, "pdf", f"PDF={target}"]
+    made = subprocess.run(command, check=True, capture_output=True, text=True)
     assert edition.read_bytes() == before, "the one-page book leaves the editions alone"
-    assert target.read_bytes().startswith(b"%PDF") and target.stat().st_size > 5e6
+    assert not re.findall(".*leads nowhere|wider than the page.*", made.stderr)
+    hold_pdf(target.read_bytes())
+
+
+def hold_pdf(data: bytes) -> None:
+    """Of what a PDF says in the open: outline, tags, where links lead, and on which page."""
+    assert data.startswith(b"%PDF") and len(data) > 5e6
+    assert b"/StructTreeRoot" in data and b"/Outlines" in data
+    assert b"file:" not in data, "a link leads to the disk of whoever printed the book"
+    entry = rb"/Title \((\d+)\. [^)]*\)\s*/Dest \[(\d+) 0 R /XYZ \S+ (\S+)"
+    chapters = {int(k): (page, float(top)) for k, page, top in re.findall(entry, data)}
+    assert sorted(chapters) == list(range(1, len(CHAPTERS) + 1))
+    assert all(top > 740 for _, top in chapters.values()), "each at the top of a page, of 842"
+    assert len({page for page, _ in chapters.values()}) == len(CHAPTERS)
