@@ -127,11 +127,13 @@ def methods(preset: str) -> dict[str, Method]:
     plain = {k: kind(base=sized(k, how.size), levels=how.levels) for k, kind in METHODS.items()}
     weights = Weights(order=False)
     sfnet = replace(plain["sfnet"], weights=weights)
+    best = replace(sfnet, mixing="every level", reference="mid")
     fringe = replace(plain["psnet"], errors="fringe")
     return {
         **plain,
         "sfnet": sfnet,
-        "best": replace(sfnet, mixing="every level", reference="mid"),
+        "best": best,
+        "best-normalised": replace(best, normalised=True),
         "sfnet-a": replace(sfnet, mixing="none", weights=PLAIN),
         "sfnet-b": replace(sfnet, weights=PLAIN),
         **{f"sfnet-{n}-frames": replace(sfnet, frames=n) for n in (2, 3)},
@@ -157,7 +159,7 @@ def experiments(preset: str) -> dict[str, Experiment]:
     """All runs of a preset by name, in the order in which they are made.
 
     >>> len(experiments("tiny")), experiments("tiny")["sfnet-mid"].kind
-    (48, 'sfnet')
+    (51, 'sfnet')
     """
     known = methods(preset)
     kinds = {k: k if k in SEARCHED else settings_of(m)["method"] for k, m in known.items()}

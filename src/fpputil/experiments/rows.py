@@ -19,6 +19,7 @@ ROWS = {
     6: {f"{c}, {g}": name for (c, g), name in BY_WEIGHTS.items()},
     "ours": {
         "best": "best",
+        "best, normalised": "best-normalised",
         "losses as printed": "sfnet-printed",
         "joined at every level": "sfnet-every-level",
         "row B, joined at every level": "sfnet-b-every-level",
@@ -37,7 +38,8 @@ ROWS = {
 """Name of the run of each row of each table; "ours" are rows that the paper does not have."""
 
 SEEDS = {name: (0, 1, 2) for table in (3, 4) for name in ROWS[table].values()}
-SEEDS |= dict.fromkeys(("best", "sfnet-every-level", "sfnet-b-every-level"), (0, 1, 2))
+MORE = ("best", "sfnet-every-level", "sfnet-b-every-level", "psnet-normalised")
+SEEDS |= dict.fromkeys(MORE, (0, 1, 2))
 """Seeds of the runs that have more than seed 0."""
 
 DRAWN = frozenset(name for table in (3, 4) for name in ROWS[table].values())
@@ -73,7 +75,7 @@ def run_names(preset: str) -> dict[str, tuple[str, int]]:
     Seed 0 of every row comes first, so that a table is whole before its intervals are.
 
     >>> len(run_names("tiny")), run_names("tiny")["sfnet-seed-1"]
-    (48, ('sfnet', 1))
+    (51, ('sfnet', 1))
     """
     if preset == "near":
         return {name: (name, 0) for name in NEAR}
