@@ -6,6 +6,7 @@ which the reader typed is never written to.
 
 import hashlib
 import json
+import sys
 from pathlib import Path
 
 from fpputil.files import write_whole
@@ -66,6 +67,17 @@ def refresh(editions: Path, copies: Path) -> list[str]:
     return kept
 
 
+def main(editions: Path = ROOT / "_build/editions", copies: Path = ROOT / "my-chapters") -> None:
+    try:
+        for name in refresh(editions, copies):
+            print(f"kept {copies}/{name}, which you changed; the new one is {editions}/{name}")
+    except OSError as error:
+        why = f"{error.strerror}, {error.filename}" if error.filename else error.strerror
+        sys.exit(
+            f"the chapters cannot be copied to {copies} ({why}). Where you may write, type "
+            f"cp -r {ROOT} . and make lab in the copy."
+        )
+
+
 if __name__ == "__main__":
-    for name in refresh(ROOT / "_build/editions", ROOT / "my-chapters"):
-        print(f"kept my-chapters/{name}, which you changed; the new one is _build/editions/{name}")
+    main()

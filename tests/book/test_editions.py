@@ -172,6 +172,26 @@ def test_a_copy_that_the_reader_changed_is_kept(copies, home):
     assert (mine / "one.ipynb").read_bytes() == before
 
 
+@pytest.mark.parametrize("there", ["no folder", "a folder"])
+def test_where_nobody_may_write_one_line_says_what_to_do(there, copies, home, monkeypatch):
+    editions, mine = home
+    give(copies, editions, "old")
+
+    def refuse(path, *_, **__):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    if there == "a folder":
+        mine.mkdir()
+        monkeypatch.setattr(copies, "write_whole", refuse)
+    else:
+        monkeypatch.setattr(Path, "mkdir", refuse)
+    with pytest.raises(SystemExit) as ended:
+        copies.main(editions, mine)
+    message = str(ended.value)
+    assert "\n" not in message and f"copied to {mine} (Permission denied, {mine}" in message
+    assert f"cp -r {ROOT} ." in message and "make lab" in message
+
+
 @pytest.mark.parametrize("content", ['{"cells": []}', "not a notebook", ""])
 def test_a_file_of_the_readers_own_is_kept(content, copies, home):
     editions, mine = home
