@@ -68,7 +68,7 @@
   // --- controls --------------------------------------------------------------------------
   let serial = 0;
   function controls(specs, changed) {
-    const values = {}, rows = [], set = {};  // set.name(value) moves a slider from elsewhere
+    const values = {}, rows = [], set = {};  // set.name(value) moves a control from elsewhere
     for (const s of specs) {
       const id = `fpp-live-${++serial}`;
       values[s.name] = s.value;
@@ -77,9 +77,11 @@
       if (s.choices) {
         input = html("select", { id, name: s.name, ...MINE }, ...s.choices.map((c) => html("option", c === s.value ? { selected: "" } : {}, c)));
         input.addEventListener("change", () => { values[s.name] = input.value; changed(); });
+        set[s.name] = (value) => { input.value = values[s.name] = value; changed(); };
       } else if (typeof s.value === "boolean") {
         input = html("input", { id, name: s.name, type: "checkbox", ...MINE, ...(s.value ? { checked: "" } : {}) });
         input.addEventListener("change", () => { values[s.name] = input.checked; changed(); });
+        set[s.name] = (value) => { input.checked = values[s.name] = value; changed(); };
       } else {
         input = html("input", { id, name: s.name, type: "range", ...MINE, min: s.min, max: s.max, step: s.step, value: s.value });
         const tell = () => {
@@ -95,9 +97,9 @@
       }
       rows.push(html("div", { class: "fpp-control" }, name, input, said));
     }
-    if (specs.length > 1 && Object.keys(set).length) {
+    if (specs.length > 1 && specs.some((s) => "min" in s)) {
       const again = html("button", { type: "button", class: "fpp-again", ...MINE }, "start again");
-      again.addEventListener("click", () => specs.forEach((s) => set[s.name]?.(s.value)));
+      again.addEventListener("click", () => specs.forEach((s) => set[s.name](s.value)));
       rows.push(again);
     }
     return { values, set, box: html("div", { class: "fpp-controls" }, ...rows) };
