@@ -99,6 +99,23 @@ def test_every_page(html, pages, browser, width, scheme):
     assert not wrong and number >= 16
 
 
+BUTTONS = "mybinder.org|colab.research.google.com|/issues/new|dropdown-(?:launch|source)-buttons"
+
+
+def named(path) -> set[str]:
+    """What of a page needs the address of a repository."""
+    return set(re.findall(BUTTONS, path.read_text(encoding="utf-8")))
+
+
+def test_pages_have_the_buttons_of_a_repository_if_one_is_set(pages):
+    (url,) = re.findall(r"^  url: (.*)", (ROOT / "_config.yml").read_text(), re.MULTILINE)
+    chapters = [path for path in pages if path.parent.name == "chapters"]
+    if url == '""':
+        assert not set().union(*map(named, pages))
+    else:
+        assert all("mybinder.org" in named(path) for path in chapters)
+
+
 def test_the_test_sees_faults(browser, tmp_path):
     page = tmp_path / "bad.html"
     page.write_text(
