@@ -16,7 +16,7 @@ def test_every_row_is_a_run_and_sixteen_are_distinct():
             assert {known[seeded_name(name, s)].seed for s in SEEDS.get(name, (0,))} == set(
                 SEEDS.get(name, (0,))
             )
-        assert len(known) == 16 + 14 + 2 * 9
+        assert len(known) == 16 + 15 + 2 * 10
         made = [one.method for one in known.values() if not one.seed]
         assert all(made.count(method) == 1 for method in made)  # no row is another by mistake
 
