@@ -111,8 +111,11 @@ class Run:
 
     @property
     def kind(self) -> str:
-        """Name of the method: "sfnet", "sido", "psnet" or "dlalnet"."""
-        return settings_of(self.method)["method"]
+        """Name of the method, "sfnet", "sido", "psnet" or "dlalnet"; with "normalised" if it is.
+
+        Of runs of one kind a seed moves measures alike, and normalised ones train otherwise.
+        """
+        return settings_of(self.method)["method"] + ", normalised" * self.method.normalised
 
     @property
     def test(self) -> Part:
