@@ -199,14 +199,14 @@ def test_the_gallery_has_all_numbered_figures(html, visit):
     assert shown == there and len(there) > 60
 
 
-def test_a_table_to_sort_is_printed(opened):
-    page = opened("chapters/10_comparison")
-    for button in page.query_selector_all(".fpp-show"):  # a table may be the answer
-        button.click()
-    page.wait_for_selector(".fpp-live .fpp-sort")
-    page.emulate_media(media="print")
-    assert page.query_selector(".fpp-live table").is_visible()
-    assert not page.query_selector(".fpp-live select").is_visible()
+def test_a_table_to_sort_is_printed(visit):
+    with visit("chapters/10_comparison") as page:
+        for button in page.query_selector_all(".fpp-show"):  # a table may be the answer
+            button.click()
+        page.wait_for_selector(".fpp-live .fpp-sort")
+        page.emulate_media(media="print")
+        assert page.query_selector(".fpp-live table").is_visible()
+        assert not page.query_selector(".fpp-live select").is_visible()
 
 
 @pytest.mark.slow
