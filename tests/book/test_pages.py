@@ -225,6 +225,15 @@ SOON = """(root, [said, before]) => new Promise(answer => {
 WIDER = "document.documentElement.scrollWidth > innerWidth"
 
 
+HANDLE = """async (e, k) => {  // where to take it, once what was moved before is drawn
+  for (let n = 0; n < 2; n++) await new Promise(requestAnimationFrame);
+  const handle = e.querySelectorAll(".fpp-handle")[k];
+  handle.scrollIntoView({ block: "nearest", behavior: "instant" });
+  const r = handle.getBoundingClientRect();
+  return [r.x + r.width / 2, r.y + 16];
+}"""
+
+
 def played(page, root) -> list[str]:
     """What is wrong with one figure that a reader plays with."""
     root.scroll_into_view_if_needed()
@@ -245,11 +254,8 @@ def played(page, root) -> list[str]:
         else:
             wrong.append(f"keys do not move {part.get_attribute('name') or 'it'}")
     for k in range(len(root.query_selector_all(".fpp-handle"))):
-        handle = root.query_selector_all(".fpp-handle")[k]
-        handle.scroll_into_view_if_needed()
         values = "e => [...e.querySelectorAll('input')].map(i => i.value)"
-        box = handle.bounding_box()
-        before, (x, y) = root.evaluate(values), (box["x"] + box["width"] / 2, box["y"] + 16)
+        before, (x, y) = root.evaluate(values), root.evaluate(HANDLE, k)
         page.mouse.move(x, y)
         page.mouse.down()
         page.mouse.move(x + 25, y + 25, steps=4)
