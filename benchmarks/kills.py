@@ -23,34 +23,26 @@ from safetensors.numpy import load_file
 FPP = [sys.executable, "-m", "fpputil.cli"]
 EACH = 5  # kills on the way to one end
 TIMED = {"log.csv", "curve.png", "summary.json", "report.html", ".fpputil.json"}
-TRAIN = ("--epochs", 2, "--training-views", 16, "--validation-views", 4, "--base", 2, "--levels", 3)
+TRAIN = (
+    *("--epochs", 2, "--training-views", 16, "--validation-views", 4),
+    *("--base", 2, "--levels", 3, "--workers", 0, "--threads", 1),
+)
+GENERATE = ("dataset", "generate", "--models", 10, "--views", 2, "--seed", 1)
 
 
 def words(root: Path) -> dict[str, list]:
     """Each command, which writes into OUT."""
     data, shots = root / "data", root / "shots"
     return {
-        "generate": ["dataset", "generate", "--models", 10, "--views", 2, "--seed", 1, "OUT"],
-        "train": [
-            "train",
-            "sfnet",
-            "--data",
-            data,
-            "--out",
-            "OUT",
-            *TRAIN,
-            "--workers",
-            0,
-            "--threads",
-            1,
-        ],
+        "generate": [*GENERATE, "OUT"],
+        "train": ["train", "sfnet", "--data", data, "--out", "OUT", *TRAIN],
         "decode --force": ["decode", shots, "--out", "OUT", "--force", "--no-report"],
         "export": ["dataset", "export", data, "OUT"],
     }
 
 
 def prepare(root: Path) -> None:
-    call(["dataset", "generate", "--models", 10, "--views", 2, "--seed", 1, root / "data"])
+    call([*GENERATE, root / "data"])
     call(["patterns", root / "patterns", "--pitches", 912, 114, 24, "--steps", 4])
     body = ["--part", 3, "--size", 240, "--patterns", root / "patterns" / "patterns.toml"]
     call(["render", root / "shots", "--system", "tiny", *body])

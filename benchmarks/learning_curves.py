@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import torch
@@ -26,7 +27,7 @@ from fpputil.learning.training import CHECKPOINT
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "data/results"
 METHODS = ("sfnet", "best", "dlalnet", "psnet")
-MEASURES = ("validation_mae", "validation_order_errors")
+MEASURES = ("images", "validation_mae", "validation_order_errors")
 
 
 def budget_of(images: int, views: int) -> TrainingConfig:
@@ -36,11 +37,6 @@ def budget_of(images: int, views: int) -> TrainingConfig:
     if images % epochs:
         raise ValueError(f"{images} images given; they are not {epochs} epochs of equal length")
     return replace(tables, epochs=epochs, training_views=images // epochs)
-
-
-def measured(history: list[dict], seed: int) -> dict:
-    last = history[-1]
-    return {"seed": seed, "images": last["images"], **{k: last[k] for k in MEASURES}}
 
 
 def main() -> None:
@@ -57,28 +53,26 @@ def main() -> None:
     store, known = open_store(given.data), experiments("tiny")
     views = len(store.indices("training"))
     tables = budget("tiny").epochs * budget("tiny").training_views
-    for images in given.images:
-        for name in given.methods:
-            for seed in given.seeds:
-                rows = json.loads(given.out.read_text())["rows"] if given.out.is_file() else []
-                key = {"method": name, "budget": images}
-                if any({**key, "seed": seed}.items() <= row.items() for row in rows):
-                    continue
-                run = known[name]
-                rate = best_learning_rate(RESULTS / "tiny" / "rates.json", run.kind)
-                config = replace(budget_of(images, views), learning_rate=rate, seed=seed)
-                result = RESULTS / "tiny" / f"{seeded_name(name, seed)}.json"
-                if images == tables and result.is_file():
-                    history = json.loads(result.read_text())["history"]
-                else:
-                    folder = given.work / f"{name}-{images}-{seed}"
-                    resume = (folder / CHECKPOINT).is_file()
-                    _, history = fit(run.method, given.data, config, folder, resume=resume)
-                row = {**key, **measured(history, seed)}
-                print(row)
-                rows = sorted([*rows, row], key=lambda r: (r["method"], r["budget"], r["seed"]))
-                record = {"command": "python -m benchmarks.learning_curves sets/tiny", "rows": rows}
-                write_whole(given.out, f"{json.dumps(record, indent=1)}\n".encode())
+    rows = json.loads(given.out.read_text())["rows"] if given.out.is_file() else []
+    for images, name, seed in product(given.images, given.methods, given.seeds):
+        key = {"method": name, "budget": images, "seed": seed}
+        if any(key.items() <= row.items() for row in rows):
+            continue
+        run = known[seeded_name(name, seed)]
+        result = RESULTS / "tiny" / f"{seeded_name(name, seed)}.json"
+        if images == tables and result.is_file():
+            history = json.loads(result.read_text())["history"]
+        else:
+            rate = best_learning_rate(RESULTS / "tiny" / "rates.json", run.kind)
+            config = replace(budget_of(images, views), learning_rate=rate, seed=seed)
+            folder = given.work / f"{name}-{images}-{seed}"
+            resume = (folder / CHECKPOINT).is_file()
+            _, history = fit(run.method, given.data, config, folder, resume=resume)
+        rows.append({**key, **{k: history[-1][k] for k in MEASURES}})
+        print(rows[-1])
+        rows.sort(key=lambda row: (row["method"], row["budget"], row["seed"]))
+        record = {"command": "python -m benchmarks.learning_curves sets/tiny", "rows": rows}
+        write_whole(given.out, f"{json.dumps(record, indent=1)}\n".encode())
 
 
 if __name__ == "__main__":

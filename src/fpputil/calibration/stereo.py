@@ -146,7 +146,7 @@ def calibrate_pair(
     seen = calibrate_pinhole(views, "camera", camera, lens)
     if axis is None:
         lit = calibrate_pinhole(views, "projector", projector, projector_lens)
-        pinhole, between = lit[0], _between(seen, lit)
+        pinhole, between, rms = lit[0], _between(seen, lit), lit[2]
     else:
         light = np.concatenate([view.projector[:, axis] for view in views])
         pinhole, between = resect(_in_camera(views, seen[1]), light, axis, projector)
@@ -154,8 +154,8 @@ def calibrate_pair(
     free = np.ones(len(start), bool)
     free[4 + lens : 9] = free[13 + projector_lens : 18] = False
     if axis is not None:
-        free[[9 + 1 - axis, 11 + 1 - axis, 21 + 1 - axis]] = False
-    rms = np.sqrt(np.nanmean(_off(start, views)[1] ** 2)) if axis is not None else lit[2]
+        free[[10 - axis, 12 - axis, 22 - axis]] = False  # focal length, centre, place across
+        rms = np.sqrt(np.nanmean(_off(start, views)[1] ** 2))
     weights = 1 / np.maximum([seen[2], rms], SURE)[:, None, None]
 
     def full(x):

@@ -14,8 +14,7 @@ from torch.utils.data import Dataset
 
 from fpputil.dataset.synthfringe import SynthFringe
 from fpputil.decoding import phase
-from fpputil.decoding.geometric_constraint import refined_reference, zmin_order
-from fpputil.decoding.unwrap import TWO_PI, mf_tpu
+from fpputil.decoding.unwrap import TWO_PI
 from fpputil.optics.fringes import WHITE
 from fpputil.optics.system import FREQUENCIES, STEPS
 
@@ -89,26 +88,10 @@ def synthesise(batch: dict[str, Tensor], data: SynthFringe) -> dict[str, Tensor]
         sums.append(phase.numerator_denominator(grey))
     phi = torch.stack([phase.wrapped_phase(M, D) for M, D in sums])
     modulation = phase.modulation(*sums[0], STEPS)
-    unwrapped = [phi[FREQUENCIES.index(name)] for name in ("unit", "mid", "high")]
-    width = data.store.system.projector.width
-    _, Phi_t, Phi = mf_tpu(unwrapped, pitches.descending, width)
     Phi_min = torch.as_tensor(data.Phi_min, dtype=torch.float32, device=device)
-    K_z = zmin_order(phi[FREQUENCIES.index("zmin")], Phi_min.expand(lit.shape)[lit])
-    phi_r, M_r, D_r = refined_reference(Phi_t, K_z, pitches.mid, pitches.zmin)
-    mask = phase.mask(modulation, data.threshold)
-    values = {
-        "M": -phi.sin(),
-        "D": phi.cos(),
-        "M_r": M_r,
-        "D_r": D_r,
-        "phi_r": phi_r,
-        "Phi": Phi,
-        "Phi_true": TWO_PI * column / pitches.high,
-        "depth": batch["depth"][lit],
-        "modulation": modulation,
-    }
-    images = {k: _images(lit, torch.where(mask, v, 0)) for k, v in values.items()}
-    images |= {"mask": _images(lit, mask), "frames": frames}
+    Phi_min = Phi_min.expand(lit.shape)[lit]
+    targets = data.targets(phi, modulation, Phi_min, column, batch["depth"][lit])
+    images = {k: _images(lit, v) for k, v in targets.items()} | {"frames": frames}
     return images | {k: batch[k] for k in ("index", "model")}
 
 

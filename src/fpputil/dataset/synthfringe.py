@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from array_api_compat import array_namespace
 from torch.utils.data import Dataset
 
 from fpputil.checks import not_negative, whole
@@ -136,28 +137,33 @@ class SynthFringe(Dataset):
         flat = View(*(a[lit][None] for a in (view.column, view.row, view.shade, view.depth, lit)))
         sums = [self._sums(flat, lit, stored, name, gain) for name in FREQUENCIES]
         phi = np.stack([phase.wrapped_phase(M, D) for M, D, _ in sums])
-        high, mid, zmin, unit = range(4)
-        M, D, steps = sums[high]
-        modulation = phase.modulation(M, D, steps) * (1 if stored is None else gain)
-        p = self.pitches
-        width = self.store.system.projector.width
-        _, Phi_t, Phi = mf_tpu(phi[[unit, mid, high]], (p.unit, p.mid, p.high), width)
-        K_z = zmin_order(phi[zmin], self.Phi_min[lit].astype(np.float32))
-        phi_r, M_r, D_r = refined_reference(Phi_t, K_z, p.mid, p.zmin)
+        modulation = phase.modulation(*sums[0]) * (1 if stored is None else gain)
+        Phi_min = self.Phi_min[lit].astype(np.float32)
+        values = self.targets(phi, modulation, Phi_min, view.column[lit], view.depth[lit])
+        return {k: _image(lit, v) for k, v in values.items()}
+
+    def targets(self, phi, modulation, Phi_min, column, depth) -> dict:
+        """Targets and truth by name (..., P) of P lit pixels, NumPy or torch; 0 outside the mask.
+
+        Of the wrapped phases (4, P) of `FREQUENCIES`, the modulation of the high pitch, the minimum
+        phase of the z-min pitch, projector column and depth, (P,) each.
+        """
+        xp, p, (high, mid, zmin, unit) = array_namespace(phi), self.pitches, phi
+        _, Phi_t, Phi = mf_tpu([unit, mid, high], p.descending, self.store.system.projector.width)
+        phi_r, M_r, D_r = refined_reference(Phi_t, zmin_order(zmin, Phi_min), p.mid, p.zmin)
         mask = phase.mask(modulation, self.threshold)
         values = {
-            "M": -np.sin(phi),
-            "D": np.cos(phi),
+            "M": -xp.sin(phi),
+            "D": xp.cos(phi),
             "M_r": M_r,
             "D_r": D_r,
             "phi_r": phi_r,
             "Phi": Phi,
-            "Phi_true": TWO_PI * view.column[lit] / p.high,
-            "depth": view.depth[lit],
+            "Phi_true": TWO_PI * column / p.high,
+            "depth": depth,
             "modulation": modulation,
         }
-        images = {k: _image(lit, np.where(mask, v, 0)) for k, v in values.items()}
-        return {**images, "mask": _image(lit, mask)}
+        return {k: xp.where(mask, v, xp.zeros_like(v)) for k, v in values.items()} | {"mask": mask}
 
     def _sums(self, flat: View, lit, stored, name: str, gain: float):
         """M, D (P,) of the lit pixels at one frequency, and the number of steps behind them."""

@@ -35,8 +35,8 @@ TRAINING = {
     "small": Training(5, replace(_SHORT, epochs=4), replace(_SHORT, training_views=2400), 4),
     # With early stopping some runs would see more pictures than others.
     "paper": Training(6, _PAPER, replace(_PAPER, early_stopping=0), 8),
-    "near": Training(5, _SHORT, replace(_SHORT, training_views=4800), 4),
 }
+TRAINING["near"] = TRAINING["tiny"]
 """By preset. "paper" has the levels, batch, epochs, optimiser and schedule of the paper; width,
 rate, dropout, patience and augmentation it does not give, they are ours. It needs a GPU. "tiny",
 "near" and "small" are for two cores."""
@@ -49,6 +49,7 @@ UNIT_STEP = 4
 the projector, so that they lie on a flank of the fringe."""
 
 PLAIN = Weights(consistency=0, geometric=0, order=False)
+
 SCENES = 14_400
 """Training views of a dataset of 1000 models, the paper's number of scenes times eight tenths."""
 
