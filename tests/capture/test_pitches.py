@@ -114,6 +114,15 @@ def test_fringes_that_begin_otherwise_are_named_and_taken(tmp_path, view, unwrap
     assert np.abs(result.coordinate - view.column)[result.mask].max() < 1
 
 
+def test_by_beats_a_start_of_a_twelfth_of_a_period_is_noticed(tmp_path, view):
+    begun = Patterns(
+        PROJECTOR, fringe_set(MW[1], 6, start=np.radians(30)), "mw", files="{pitch}-{step}.npy"
+    )
+    plain = replace(begun, fringes=fringe_set(MW[1], 6))
+    result, capture = taken(tmp_path, view, begun, given=plain, noise=1.0)
+    assert {f.code for f in diagnose(result, capture) if f.severe} == {"offset"}
+
+
 def test_the_order_of_the_files_is_free(tmp_path, view):
     for unwrap, pitches in (("mf", (19, 912, 114)), ("mw", (16, 14, 15)), ("minimum", (18, 304))):
         patterns = Patterns(PROJECTOR, fringe_set(pitches, (4, 5, 6)[: len(pitches)]), unwrap)

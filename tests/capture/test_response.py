@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from fpputil.capture.faults.curve import fit
 from fpputil.capture.faults.diagnosis import diagnose
 from fpputil.capture.faults.gamma import gamma_of_few, gamma_of_plain, linearise, power_profile
 from fpputil.capture.measurement import measure
@@ -48,13 +49,16 @@ def test_three_and_four_steps_alone_tell_a_projector_gamma(judged, error, steps,
     assert not any(finding.severe for finding in findings.values())
 
 
-def test_black_is_subtracted_before_a_given_power(judged, error):
+@pytest.mark.parametrize(
+    ("steps", "noise", "without"), [(3, 0.3, 0.1), (4, 1, 0.05), (8, 1, 0.015)]
+)
+def test_black_is_subtracted_before_a_given_power(judged, error, steps, noise, without):
     def pixels(plain):
-        patterns = Patterns(PROJECTOR, fringe_set((912, 114, 19), 3), **plain)
-        result, _ = judged(patterns, response=2.2, gamma_back=2.2, noise=0.3)
+        patterns = Patterns(PROJECTOR, fringe_set((912, 114, 19), steps), **plain)
+        result, _ = judged(patterns, response=2.2, gamma_back=2.2, noise=noise)
         return np.median(np.abs(error(result)[0])) * 19 / (2 * np.pi)
 
-    assert pixels({}) > 0.1
+    assert pixels({}) > without
     assert pixels(PLAIN) <= 0.02
 
 
@@ -103,6 +107,17 @@ def test_the_mean_between_black_and_white_is_that_of_the_power():
         gamma_of_plain([light], np.full(5000, 240.0), np.full(5000, 30.0))
     with pytest.raises(ValueError, match="too few pixels"):
         gamma_of_plain([light], np.full(5000, 255.0), np.full(5000, 30.0))
+
+
+@pytest.mark.parametrize("steps", [3, 5])
+@pytest.mark.parametrize("plain", [None, 200.0, 255.0], ids=["no white", "white", "white clipped"])
+def test_what_a_power_leaves_is_the_variance_of_the_noise(steps, plain):
+    shape, fringe, rng = (100, 200), Fringe(24, steps), np.random.default_rng(0)
+    turn = rng.uniform(-np.pi, np.pi, shape) + fringe.shifts[:, None, None]
+    frames = 20 + 180 * ((1 + np.cos(turn)) / 2) ** 2.2 + rng.normal(0, 2, (steps, *shape))
+    white = None if plain is None else plain + rng.normal(0, 2 * (plain < 255), shape)
+    result = fit(frames, fringe, gamma=2.2, black=20.0, white=white)
+    assert result.residual.mean() == pytest.approx(4, rel=0.05)
 
 
 def test_the_profile_is_the_power_of_a_fringe_and_its_slope():

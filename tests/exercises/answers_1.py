@@ -11,7 +11,7 @@ def _pattern(pitch, steps, width, sign=1, first=0, white=255, degrees=False):
 
 RIGHT = {
     "1.1": -3,
-    "1.2": 14.25,
+    "1.2": 18.75,
     "1.3": _pattern,
     "1.4": 2.811,
     "1.5": 0.2105,
@@ -21,9 +21,10 @@ WRONG = [
     ("1.1", 3, "to the right"),
     ("1.1", -24, "a whole pitch"),
     ("1.1", -2 * np.pi / 8, "radians for columns"),
-    ("1.2", 15, "the pitch the paper names"),
-    ("1.2", 64 / 912, "upside down"),
-    ("1.2", 14, "rounded to whole pixels"),
+    ("1.2", 15, "the same pitch"),
+    ("1.2", 15 * 912 / 1140, "upside down"),
+    ("1.2", 912 / 15, "the periods, not the pitch"),
+    ("1.2", 19, "rounded to whole pixels"),
     ("1.3", lambda p, n, w: _pattern(p, n, w, sign=-1), "shift subtracted"),
     ("1.3", lambda p, n, w: _pattern(p, n, w, first=1), "steps counted from 1"),
     ("1.3", lambda p, n, w: _pattern(p, n, w, degrees=True), "degrees"),

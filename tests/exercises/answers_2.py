@@ -5,7 +5,7 @@ import numpy as np
 TAN10 = np.tan(np.radians(10))
 
 RIGHT = {
-    "2.1": 1200,
+    "2.1": 7.2,
     "2.2": (351.8, 223.3),
     "2.3": (-0.9962, -0.08716, 0),
     "2.4": 405.2,
@@ -14,9 +14,10 @@ RIGHT = {
 }
 
 WRONG = [
-    ("2.1", 12 / 6.4 * 480, "rows for columns"),
-    ("2.1", 6.4 / 12 * 640, "upside down"),
-    ("2.1", 1066.667, "the sensor of the preset"),
+    ("2.1", 12 / 6.4 * 480 * 3 / 500, "rows for columns"),
+    ("2.1", 6.4 / 12 * 640 * 3 / 500, "upside down"),
+    ("2.1", 12 * 3 / 500, "millimetres on the sensor"),
+    ("2.1", 1066.667 * 3 / 500, "the sensor of the preset"),
     ("2.2", (351.823, 255.662), "y upwards"),
     ("2.2", (352.323, 223.838), "pixel centres at halves"),
     ("2.2", (32.323, -16.162), "principal point forgotten"),

@@ -20,12 +20,13 @@ def step_in_columns():
 
 @exercise(
     "1.2",
-    "frequency is width over pitch.",
-    "the pitch is the width over the number of periods; it need not be whole.",
+    "frequency is width over pitch: count the periods first.",
+    "the pitch is 1140 rows over 912 / 15 periods; it need not be whole.",
     unit="pixels",
 )
-def pitch_of_64_periods():
-    return preset("paper").system.projector.width / 64
+def pitch_along_the_rows():
+    projector = preset("paper").system.projector
+    return projector.height / (projector.width / 15)
 
 
 @exercise(

@@ -10,12 +10,12 @@ from fpputil.optics.system import System, from_blender, preset
 
 @exercise(
     "2.1",
-    "how wide is one pixel?",
-    "millimetres of focal length over millimetres a pixel, along the same side.",
+    "how wide is one pixel, and how many of them is the focal length?",
+    "the focal length in pixels, 12 / (6.4 / 640), times width over distance.",
     unit="pixels",
 )
-def focal_length():
-    return 12 / (6.4 / 640)
+def width_of_a_picture():
+    return 12 / (6.4 / 640) * 3 / 500
 
 
 @exercise(

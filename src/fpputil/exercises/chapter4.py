@@ -44,12 +44,12 @@ def pitch_for_beat():
 
 @exercise(
     "4.4",
-    "15 and 21 have a common divisor.",
-    "the numbers repeat after the least common multiple of the pitches.",
+    "the two phases repeat together after the least common multiple of the pitches.",
+    "27 has a divisor in common with 15: try larger ones until the multiple reaches 400.",
     unit="columns",
 )
-def unambiguous_columns():
-    return math.lcm(15, 21)
+def smallest_partner():
+    return next(q for q in range(16, 400) if math.lcm(15, q) >= 400)
 
 
 @exercise(

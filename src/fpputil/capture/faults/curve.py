@@ -140,7 +140,7 @@ def _fit_power(grey, delta, gamma, blur, black, white) -> dict[str, np.ndarray]:
     It begins at the phase of the photographs made linear. That alone would raise the noise of the
     dark, and knows of no blur.
     """
-    light, steps = grey - black, len(grey)
+    light, steps, counts = grey - black, len(grey), 0
     delta = np.float32(delta).reshape(-1, *(1,) * (light.ndim - 1))
     linear = linearise(light, gamma)
     phi = phase.wrapped_phase(*(np.sum(linear * of(delta), axis=0) for of in (np.sin, np.cos)))
@@ -168,7 +168,7 @@ def _fit_power(grey, delta, gamma, blur, black, white) -> dict[str, np.ndarray]:
     return {
         "wrapped": phi - TWO_PI * np.round(phi / TWO_PI),
         "modulation": np.maximum(strength, 0) * first,
-        "residual": dot(left, left) / (len(left) - 2),
+        "residual": dot(left, left) / (steps + counts - 2),
         "slope": np.sqrt(2 / steps * steep),
     }
 

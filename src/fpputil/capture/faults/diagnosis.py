@@ -43,6 +43,7 @@ SPREAD = 0.05  # of the logarithms of pitches, from which their pictures tell wh
 PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
 SURE = 0.6  # length of a circular mean, above which it tells something
 OFFSET = 0.15  # of an order
+SLIGHT = 0.05  # the same by beats or a code, where no ripple of a long pitch is multiplied
 FITS = 0.05  # of an order, by which a start may miss the offsets that it explains
 AGREED = 0.95  # cosine of the mean of what pitches are apart, from which on they agree
 LEFT_OUT = 0.05  # of the lit pixels, above which a reason is told; from a half on it is an error
@@ -248,10 +249,12 @@ def _offset(m, capture) -> Iterator[Finding]:
     start = likely_start(m, capture.patterns)
     start = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
     coded = m.reading is not None
+    beats = capture.patterns.unwrap == "mw"
+    beats &= not unwrap.covers(m.fringes[-1].pitch, capture.patterns.width(m.axis))
     for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True), -coded):
         first = _fringe(m, k) if k >= 0 else f"the Gray code along the {m.axis}s"
         pair = f"{first} and pitch {m.fringes[k + 1].pitch:g}"
-        if abs(offset) > OFFSET and sharpness > SURE / 2:
+        if abs(offset) > (SLIGHT if beats or k < 0 else OFFSET) and sharpness > SURE / 2:
             began = [
                 f"pitch {m.fringes[j].pitch:g} began with step {step}"
                 for j, step in _late(m, capture.patterns)
