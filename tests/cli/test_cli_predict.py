@@ -120,11 +120,15 @@ def test_twelve_bits_and_floats_to_one_are_recognised_and_said(shot, frames, cap
     assert "photographs taken for" not in capsys.readouterr().err
 
 
-def test_swapped_photographs_are_warned_of_and_still_predicted(shot, capsys):
-    assert call("low.png", "high.png", more=["--json"]) == 0
+def test_swapped_photographs_are_measured_only_if_accepted(shot, capsys):
+    assert call("low.png", "high.png") == 1
+    said = capsys.readouterr().err
+    assert "fpp: photographs swapped: pitch 114 comes before 24; --accept measures" in said
+    assert left(shot) == []
+    assert call("low.png", "high.png", more=["--json", "--accept"]) == 0
     said = capsys.readouterr()
     about = json.loads(said.out)
-    assert about["warnings"][0] == "photographs swapped: pitch 114 comes before 24"
+    assert "photographs swapped: pitch 114 comes before 24" in about["warnings"]
     assert "of the pixels with fringes have no depth of 480 to 820 mm" in about["warnings"][-1]
     assert said.err == "".join(f"warning: {w}\n" for w in about["warnings"])
     assert about["points"] < 0.5 * about["mask"]

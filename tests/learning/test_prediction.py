@@ -13,6 +13,7 @@ from fpputil.dataset.store import open_store
 from fpputil.learning.prediction import (
     check_photographs,
     expected_photographs,
+    faults,
     fringes_seen,
     predict,
     warnings,
@@ -40,8 +41,12 @@ def shoot(view, *pitches, **camera):
     return [view.frames(Fringe(p, 15), steps=[0], **camera)[0] for p in pitches]
 
 
+def told(photographs):
+    return faults(photographs) + warnings(photographs)
+
+
 def warned(view, tiny, *pitches, about=SFNET, **camera):
-    return warnings(check_photographs(about, shoot(view, *pitches, **camera), tiny.system))
+    return told(check_photographs(about, shoot(view, *pitches, **camera), tiny.system))
 
 
 def test_depth_of_a_sphere(trained, sphere_view, tiny):
@@ -82,9 +87,9 @@ def test_views_of_a_dataset_are_not_odd():
     views = [data.view(i) for split in data.splits() for i in data.indices(split)[::8]]
     assert len(views) > 9
     for view in views:
-        assert warnings(check_photographs(SFNET, shoot(view, 24, 304), data.system)) == []
+        assert told(check_photographs(SFNET, shoot(view, 24, 304), data.system)) == []
         swapped = check_photographs(SFNET, shoot(view, 304, 24), data.system)
-        assert "photographs swapped: pitch 304 comes before 24" in warnings(swapped)
+        assert faults(swapped) == ["photographs swapped: pitch 304 comes before 24"]
 
 
 @pytest.mark.parametrize(
@@ -141,7 +146,7 @@ def test_a_rig_that_lies_on_its_side(sphere_view, tiny):
     about = replace(SFNET, metadata=ABOUT | {"camera": [160, 120]})
 
     def said(*pitches):
-        return warnings(check_photographs(about, shoot(view, *pitches), lying))
+        return told(check_photographs(about, shoot(view, *pitches), lying))
 
     assert said(24, 304) == [] and "swapped" in said(304, 24)[0]
     upright = check_photographs(SFNET, shoot(sphere_view, 24, 304), system)
@@ -169,7 +174,7 @@ def test_every_method_says_what_it_wants_and_gets_it(method, pitches, sphere_vie
         for name, steps, step in method.photographs
     ]
     shown = check_photographs(trained, images, tiny.system)
-    assert warnings(shown) == []
+    assert told(shown) == []
     try:
         found = predict(trained, shown)  # of random weights: anything, or nothing in the range
     except ValueError as error:

@@ -22,7 +22,7 @@ from fpputil.cli.options import (
 
 FILES = ("predicted.npz", "points.ply", "predicted.png")
 ARRAYS = ("Phi", "column", "depth", "phi_h", "phi_r", "mask", "Phi_error", "depth_error")
-OUTSIDE = 0.05  # of the pixels with fringes may lie outside the measuring range without a word
+OUTSIDE = 0.05  # of the pixels with fringes, from which a warning tells that they have no depth
 
 
 def predict(
@@ -37,6 +37,7 @@ def predict(
     full: Full = None,
     channel: Channel = "grey",
     most: Annotated[float | None, option("Leave out points that may be off by more mm.")] = None,
+    accept: Annotated[bool, option("Write depth all the same.")] = False,
     json: Json = False,
     force: Force = False,
 ) -> None:
@@ -54,8 +55,8 @@ def predict(
     The mask is a guess: so few photographs do not tell what is lit. It takes pixels around which
     crests and troughs of the photographs differ by more than 16 grey levels of 255. Shadows
     narrower than 1.25 periods are taken in, and rims are uncertain by half a period. A network
-    answers everywhere, right or wrong: what is unlike its training is warned of, and the exit
-    code stays 0.
+    answers everywhere, right or wrong: what is unlike its training is warned of. Photographs in
+    another order, or most pixels outside the measuring range, are an error, unless --accept.
     """
     import numpy as np
 
@@ -65,7 +66,9 @@ def predict(
     trained, rig = learning.load_weights(weights), optics.load_system(system)
     frames, notes = _frames(photo, full, channel)
     shots = learning.check_photographs(trained, frames, rig)
-    warnings, told = _warn(notes + learning.warnings(shots)), learning.uncertainty_of(weights)
+    warnings = [said for fault in learning.faults(shots) for said in _tell(fault, accept)]
+    warnings += _warn(notes + learning.warnings(shots))
+    told = learning.uncertainty_of(weights)
     if most is not None and told is None:
         raise ValueError(
             f"--most {most:g} given, and nothing beside {weights} tells how far off a point may "
@@ -74,17 +77,18 @@ def predict(
     with folder_whole(out, "fpp predict", force, [*photo, weights]) as folder:
         result = learning.predict(trained, shots, device, precision, told)
         inside = np.isfinite(result.points).all(axis=-1)
+        pixels, mask = result.mask.size, int(result.mask.sum())
+        if (outside := 1 - inside.sum() / mask) > OUTSIDE:
+            lost = f"{outside:.0%} of the pixels with fringes have no depth of {rig.z_min:g}"
+            lost += f" to {rig.z_max:g} mm; fringe orders may be wrong, here and elsewhere"
+            warnings += _tell(lost, accept or outside < 0.5)
         if most is not None:
             inside &= result.depth_error <= positive("most", most, "mm")
             if not inside.any():
                 best = np.nanmin(result.depth_error)
                 raise ValueError(f"no point is known to {most:g} mm; the best is to {best:.2g} mm")
         depths = np.percentile(result.depth[inside], [0, 50, 100]).tolist()
-        pixels, mask, points = result.mask.size, int(result.mask.sum()), int(inside.sum())
-        if (outside := 1 - points / mask) > OUTSIDE:
-            reach = f"{rig.z_min:g} to {rig.z_max:g} mm; fringe orders may be wrong"
-            lost = f"{outside:.0%} of the pixels with fringes have no depth of {reach}"
-            warnings += _warn([f"{lost}, here and elsewhere"])
+        points = int(inside.sum())
         write_arrays(folder / FILES[0], {name: getattr(result, name) for name in ARRAYS})
         grey = np.rint(shots.frames[0].clip(0, 255)).astype(np.uint8)
         colours = np.repeat(grey[inside][:, None], 3, axis=1)
@@ -123,6 +127,13 @@ def _warn(sentences: list[str]) -> list[str]:
     for sentence in sentences:
         print(f"warning: {sentence}", file=sys.stderr)
     return sentences
+
+
+def _tell(fault: str, accepted: bool) -> list[str]:
+    """The fault as a warning if it is accepted, else as an error."""
+    if not accepted:
+        raise ValueError(f"{fault}; --accept measures all the same")
+    return _warn([fault])
 
 
 def _picture(frames, result) -> bytes:

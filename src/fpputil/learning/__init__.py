@@ -12,6 +12,12 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "metrics": ["Score", "errors", "spikes"],
         "evaluation": ["Prediction", "evaluate", "open_split", "predict_batch", "predictions"],
         "uncertainty": ["Uncertainty", "calibrate", "doubt", "judge", "uncertainty_of"],
-        "prediction": ["check_photographs", "expected_photographs", "predict", "warnings"],
+        "prediction": [
+            "check_photographs",
+            "expected_photographs",
+            "faults",
+            "predict",
+            "warnings",
+        ],
     },
 )

@@ -177,10 +177,15 @@ def predict(
     return DepthPrediction(*maps, points, mask)
 
 
+def faults(photographs: CheckedPhotographs) -> list[str]:
+    """Why these cannot be the photographs that the network wants, in sentences; mostly none."""
+    return list(dict.fromkeys(_odd_pitches(photographs, fringes_seen(photographs))))
+
+
 def warnings(photographs: CheckedPhotographs) -> list[str]:
     """What is unlike the photographs of the training, in sentences."""
     mask = fringes_seen(photographs)
-    odd = (_odd_levels, _odd_pitches, _long_range)
+    odd = (_odd_levels, _long_range)
     sentences = [sentence for each in odd for sentence in each(photographs, mask)]
     return list(dict.fromkeys([*_odd_size(photographs), *sentences]))
 
