@@ -108,6 +108,7 @@ def test_a_code_alone_gives_the_cell(taken, view, patterns):
     assert known.sum() > 0.9 * view.mask.sum() and not any(f.severe for f in findings)
     assert np.median(off) < 0.5 and np.quantile(off, 0.999) < 3
     assert 1 / 12**0.5 == pytest.approx(np.nanmin(result.sigma) * 1024 / (2 * np.pi), rel=1e-5)
+    assert (result.gamma, result.told, result.curved) == (1.0, "", False)
 
 
 def exchanged(a, b):
