@@ -154,3 +154,14 @@ def test_points_are_those_of_the_columns_within_the_range(tmp_path, view):
     moved = result.Phi.astype(float) + result.sigma
     there = depth_of(triangulate(moved * 24 / (2 * np.pi), SYSTEM), SYSTEM)
     np.testing.assert_allclose(sigma[known], np.abs(there - depth)[known], rtol=0.01)
+
+
+def test_photographs_that_are_too_many_to_be_kept_are_read_twice(taken, monkeypatch):
+    capture = taken(Patterns((912, 1140), fringe_set((912, 114, 36), 3)), response=1.8)
+    read, frames = [], type(capture).frames
+    monkeypatch.setattr(type(capture), "frames", lambda self, k: read.append(k) or frames(self, k))
+    once = measure(capture)
+    assert read == [0, 1, 2]
+    monkeypatch.setattr("fpputil.capture.measurement.KEPT", 0)
+    np.testing.assert_array_equal(measure(capture).Phi, once.Phi)
+    assert sorted(read) == [0, 0, 0, 1, 1, 1, 2, 2, 2]

@@ -41,6 +41,7 @@ from fpputil.optics.fringes import WHITE, Fringe
 from fpputil.optics.system import System
 
 SAMPLE = 64  # rows and columns of the grid of pixels that are kept whole
+KEPT = 2**27  # bytes of photographs that are kept, at most, if they are wanted twice
 SHOWN = 2**20  # grey levels of all photographs that a report shows
 
 
@@ -298,8 +299,8 @@ def measure(
 def _read(capture: Capture, axis: str, gamma, each):
     """Fit of each fringe, its photographs at the pixels of a grid, and the response.
 
-    If a pitch has three or four steps, the photographs are read twice: what each pitch tells of
-    response and flicker is needed for the others.
+    If a pitch has three or four steps, what each pitch tells of response and flicker is needed for
+    the others; photographs that are too many to be kept meanwhile are read twice.
     """
     fringes, shift = capture.patterns.along(axis), capture.patterns.shift
     ticks = [np.linspace(0, n - 1, min(n, SAMPLE)).astype(int) for n in capture.size]
@@ -311,9 +312,15 @@ def _read(capture: Capture, axis: str, gamma, each):
     white, black = (capture.plain(step) for step in (0, 1))
     plain = [None if one is None else one[grid].ravel() for one in (white, black)]
     most = max(f.steps for f in fringes.values())
-    response, flicker = Response(), {}
+    response, flicker, few, kept = Response(), {}, {}, {}
     if min(f.steps for f in fringes.values()) < LEAST_STEPS:
-        few = {k: sampled(capture.frames(k)) for k in fringes}
+        levels = sum(f.steps for f in fringes.values()) * math.prod(capture.size)
+        keep = levels * capture.dtype.itemsize <= KEPT
+        for k in fringes:
+            frames = capture.frames(k)
+            few[k] = sampled(frames)
+            if keep:
+                kept[k] = frames
         lit = lit_pixels([*few.values()])
         flicker = dict(zip(few, flickers_of([f[:, lit] for f in few.values()]), strict=True))
     if gamma is not None:
@@ -329,7 +336,8 @@ def _read(capture: Capture, axis: str, gamma, each):
     number = sum(f.steps for f in capture.patterns.fringes)
     every = max(1, math.ceil(math.sqrt(math.prod(capture.size) * number / SHOWN)))
     for k, fringe in fringes.items():
-        frames, how = capture.frames(k), {"black": response.black, "white": response.white}
+        frames = kept.pop(k) if k in kept else capture.frames(k)
+        how = {"black": response.black, "white": response.white}
         sample.append(sampled(frames))
         some = frames[:, ::every, ::every] * np.float32(capture.scale)
         shown.append(np.clip(np.rint(some), 0, WHITE).astype(np.uint8))
