@@ -1,16 +1,19 @@
 """The book as one PDF: ``python book/_ext/make_pdf.py HTML PDF`` prints the one-page book.
 
 The print is for one who reads on: folded code, hints and solutions are left out, asides are open, a
-figure to play with is its still picture. Front page and contents are made from the page itself.
+figure to play with is its still picture. Front page and contents are made from the page itself;
+on which pages their sections stand a first print tells.
 What leads nowhere and what is wider than the page is named on the error stream.
 """
 
+import io
 import os
 import shutil
 import sys
 from pathlib import Path
 
 from playwright.sync_api import Error, sync_playwright
+from pypdf import PdfReader
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
@@ -36,7 +39,7 @@ FRONT = """() => {
     item.className = h.tagName;
     link.innerHTML = h.innerHTML;
     goals.push([link, h.closest('section')]);
-    item.append(link);
+    item.append(link, document.createElement('span'));
     list.append(item);
   }
   front.append(list);
@@ -60,9 +63,9 @@ FRONT = """() => {
     link.setAttribute('href', `#${places.get(goal)}`);
   }
   for (const [goal, id] of places) {
-    const place = document.createElement('span');
+    const place = document.createElement('span'); // in the head, which may begin the next page
     place.id = id;
-    goal.prepend(place);
+    (goal.querySelector(':scope > :is(h1, h2, h3, h4)') ?? goal).prepend(place);
   }
 
   const style = document.createElement('style');
@@ -74,6 +77,8 @@ FRONT = """() => {
       line-height: 1.5; }
     .fpp-front .H2 { font-weight: 600; margin-top: .6em; break-after: avoid; }
     .fpp-front .H3 { margin-left: 1.5em; }
+    .fpp-front li { display: flex; justify-content: space-between; break-inside: avoid; }
+    .fpp-front li span { flex: none; width: 2.2em; text-align: right; } /* of the page's number */
     section > h1, [id^="document-"]:not(.fpp-front) { display: block; break-before: page; }
     figure, .math, tr, .sd-card:not(details), .exercise, .short { break-inside: avoid; }
     dt, summary { break-after: avoid; }
@@ -98,6 +103,8 @@ WIDE = """() => {
   }
   return wide;
 }"""
+NUMBER = """pages => document.querySelectorAll('.fpp-front li a').forEach(a => {
+  a.nextElementSibling.textContent = pages[a.hash.slice(1)]; })"""
 SCALE = 0.75
 SHEET = {"width": round((210 - 2 * 16) / 25.4 * 96 / SCALE), "height": 1300}  # px: A4, its margins
 FOOT = (
@@ -123,17 +130,19 @@ def main(source: Path, target: Path) -> None:
         page.evaluate("Promise.allSettled([...document.images].map(i => i.decode()))")
         for line in wrong + page.evaluate(WIDE):
             print(line, file=sys.stderr)
-        page.pdf(
-            path=target,
-            format="A4",
-            scale=SCALE,
-            outline=True,
-            tagged=True,
-            display_header_footer=True,
-            header_template="<span></span>",
-            footer_template=FOOT,
-            margin={"top": "16mm", "bottom": "18mm", "left": "16mm", "right": "16mm"},
-        )
+        sheets = {
+            "format": "A4",
+            "scale": SCALE,
+            "display_header_footer": True,
+            "header_template": "<span></span>",
+            "footer_template": FOOT,
+            "margin": {"top": "16mm", "bottom": "18mm", "left": "16mm", "right": "16mm"},
+        }
+        first = PdfReader(io.BytesIO(page.pdf(tagged=True, **sheets)))
+        places = first.named_destinations
+        at = {k[1:]: first.get_destination_page_number(place) + 1 for k, place in places.items()}
+        page.evaluate(NUMBER, at)
+        page.pdf(path=target, outline=True, tagged=True, **sheets)
     print(f"Open {target.resolve().as_uri()}")
 
 

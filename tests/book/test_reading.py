@@ -1,5 +1,6 @@
 """What a reader sees and does: dark pages, large pictures, long lines, keys, terms, the gallery."""
 
+import io
 import re
 import subprocess
 from contextlib import contextmanager
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from bs4 import BeautifulSoup
+from pypdf import PdfReader
 
 ROOT = Path(__file__).parents[2]
 CHAPTERS = sorted(path.stem for path in (ROOT / "chapters").glob("[0-9]*.ipynb"))
@@ -230,3 +232,13 @@ def hold_pdf(data: bytes) -> None:
     assert sorted(chapters) == list(range(1, len(CHAPTERS) + 1))
     assert all(top > 740 for _, top in chapters.values()), "each at the top of a page, of 842"
     assert len({page for page, _ in chapters.values()}) == len(CHAPTERS)
+    book = PdfReader(io.BytesIO(data))
+    contents = " ".join("".join(page.extract_text() for page in book.pages[1:5]).split())
+    parts = [
+        part for entry in book.outline for part in (entry if isinstance(entry, list) else [entry])
+    ]
+    numbered = [part for part in parts if re.match(r"\d+\.", getattr(part, "title", ""))]
+    assert len(numbered) > 8 * len(CHAPTERS)
+    for part in numbered:
+        page = book.get_destination_page_number(part) + 1
+        assert f"{' '.join(part.title.split())} {page}" in contents

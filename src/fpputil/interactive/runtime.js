@@ -258,7 +258,7 @@
       grid.append(html("figure", {}, html("figcaption", {}, m.name), html("div", { class: "fpp-map" }, canvas, cross), legend));
       return { m, canvas, cross };
     });
-    const samples = html("div", { class: "fpp-plots" });
+    const samples = html("div", { class: "fpp-plots fpp-samples" });
     root.append(box, grid, table, samples);
     // A profile over one period, from its top on, at the turn x: the fringe through a response.
     const profile = (x) => {
@@ -557,6 +557,7 @@
   .fpp-control output { font-variant-numeric: tabular-nums; }
   .fpp-checks { display: flex; flex-wrap: wrap; } .fpp-checks .fpp-control { display: flex; }
   .fpp-plots { columns: 2 17rem; column-gap: .8rem; margin-top: .4rem; } .fpp-plot { break-inside: avoid; display: block; margin-bottom: .4rem; }
+  .fpp-samples { display: grid; columns: auto; grid-template-columns: repeat(auto-fit, minmax(max(min(17rem, 100%), 34%), 1fr)); gap: 0 .8rem; }
   .fpp-maps { display: grid; gap: .5rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 9rem), 1fr)); touch-action: pan-y; }
   .fpp-maps figure { margin: 0; text-align: center; }  .fpp-maps figcaption { margin: 0; }
   .fpp-map { position: relative; cursor: crosshair; line-height: 0; } .fpp-map canvas { width: 100%; image-rendering: pixelated; background: repeating-conic-gradient(#8883 0 25%, #8881 0 50%) 0 0/12px 12px; }
