@@ -67,6 +67,25 @@ def test_the_panels_hold_the_values_samples_and_reasons(taken):
     np.testing.assert_array_equal(result.shown[2].shape[1:], spec["size"])
 
 
+def test_each_panel_holds_its_own_values(taken, monkeypatch):
+    monkeypatch.setattr("fpputil.interactive.maps", lambda maps, **how: maps)
+    m = measure(taken(EIGHT))
+    panels = {one["name"]: one["values"] for one in linked(m)}
+    every = -(-m.mask.shape[0] // len(panels["average"]))
+    expected = {
+        "average": m.average,
+        "modulation": m.modulation[2],
+        "wrapped phase": np.where(m.lit, m.wrapped[2], np.nan),
+        "absolute phase": m.Phi,
+        "uncertainty": m.sigma,
+        "projector column": m.coordinate,
+        "why left out": m.reason,
+    }
+    assert list(panels) == list(expected) and not m.lit.all()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(panels[name], values[::every, ::every], err_msg=name)
+
+
 def test_a_capture_without_a_good_pixel_has_a_page(taken):
     capture = taken(EIGHT, lambda frames: {k: np.full_like(v, 9) for k, v in frames.items()})
     result = measure(capture)
