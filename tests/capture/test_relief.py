@@ -80,6 +80,8 @@ def test_a_ground_is_that_on_which_most_pixels_lie():
     perspective = 40 + 0.3 * u - 0.1 * v + 1e-4 * u * v + 2e-6 * (u - 60) ** 3
     off = remove_ground(perspective + np.where(BUMP > 1, BUMP, 0), 3)
     assert np.abs(off - np.where(BUMP > 1, BUMP, 0)).max() < 0.01
+    step = np.where(u < 72, 20.0, 0)  # on nearly half of the pixels
+    assert np.abs(remove_ground(30 + 0.3 * u - 0.1 * v + step, 1) - step).max() < 1e-6
     hole = np.where((u > 20) & (u < 40), np.nan, perspective)
     assert np.isnan(remove_ground(hole, 3)[:, 21:40]).all()
     parts = largest_part(hole)
