@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fpputil.capture.faults.curve import fit
-from fpputil.capture.quality import Noise, Reason, judge, noise_of
+from fpputil.capture.quality import Noise, Reason, judge, noise_of, parted
 from fpputil.decoding import phase
 from fpputil.optics.fringes import Fringe
 
@@ -109,3 +109,17 @@ def test_a_response_is_not_taken_for_noise(steps):
     turn = rng.uniform(-np.pi, np.pi, 20000) + 2 * np.pi * np.arange(steps)[:, None] / steps
     frames = 10 + 200 * ((1 + np.cos(turn)) / 2) ** 0.5 + rng.standard_normal(turn.shape)
     assert noise_of([frames], 8).variance(120) == pytest.approx(1, abs=0.35)
+
+
+@pytest.mark.parametrize("periods, pair", [((64, 63, 56), 1), ((64, 57, 56), 0)])
+def test_every_pitch_is_held_against_the_shortest_beat(periods, pair):
+    pitches, off = [912 / n for n in periods], np.array([0.02, -0.01, 0.03])  # periods
+    column = np.linspace(50, 800, 7)
+    Phis = [np.float32(2 * np.pi * (column / p + d)) for p, d in zip(pitches, off, strict=True)]
+    beat = 912 / (periods[pair] - periods[pair + 1])
+    held = [k for k in range(3) if k != pair + 1]
+    expected = [beat / pitches[k] * (off[pair] - off[pair + 1]) - off[k] for k in held]
+    found = list(parted(Phis, pitches, [np.float32(0.1)] * 3, "mw", 912))
+    assert len(found) == 3  # and one beat against the other
+    for (apart, _), value in zip(found, expected, strict=False):
+        np.testing.assert_allclose(apart, value, atol=1e-3)

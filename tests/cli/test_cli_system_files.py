@@ -120,7 +120,7 @@ def test_a_coefficient_k1_is_no_matrix():
     entries = {"k1": np.array(0.1), "camera_matrix": K[1]}
     assert list(matrices_of(entries)) == ["camera K"]
     with pytest.raises(ValueError, match="no projector K, R, T, camera size, projector size"):
-        assemble_system(matrices_of(entries), None, None, 1, 2)
+        assemble_system(matrices_of(entries), None, None, 1, 2, 1)
 
 
 @pytest.mark.parametrize(

@@ -290,7 +290,7 @@ def assemble_system(
     projector: tuple[int, int] | None,
     z_min: float,
     z_max: float,
-    unit: float = 1.0,
+    unit: float,
 ) -> System:
     """A system of the matrices of another program, as `matrices_of` finds them. Chapter 12.
 
