@@ -48,12 +48,14 @@ def test_a_list_needs_no_torch(tmp_path):
     code = f"""
 import sys
 from fpputil.cli import main
-try:
-    main(["results", "list", "--results", {str(tmp_path)!r}])
-except SystemExit as end:
-    assert not end.code
+for folder in ({str(tmp_path)!r}, {str(tmp_path / "empty")!r}):
+    try:
+        main(["results", "list", "--results", folder])
+    except SystemExit as end:
+        assert not end.code
 assert not {{"torch", "scipy", "zarr", "numba"}} & set(sys.modules)
 """
     said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert "MAE 0.1000 rad, 1.5 min" in said.stdout
     assert "about 2 min" in said.stdout
+    assert "sfnet                    to be made\n" in said.stdout

@@ -28,7 +28,8 @@ def list_(*, preset: Preset = "tiny", results: Results = RESULTS) -> None:
     lacking = [name for name in names if name not in runs]
     if lacking and runs:  # all networks of a preset are about as large
         cost = dict.fromkeys(lacking, median(run.seconds for run in runs.values()))
-    elif lacking and (speed := experiments.training_speed(experiments.load("tiny", results).runs)):
+    elif lacking and experiments.finished("tiny", results):
+        speed = experiments.training_speed(experiments.load("tiny", results).runs)
         work = experiments.training_cost(preset, lacking)
         cost = {name: work[name] / speed for name in lacking}
     else:
