@@ -321,6 +321,7 @@ def _read(capture: Capture, axis: str, gamma, each):
             few[k] = sampled(frames)
             if keep:
                 kept[k] = frames
+            del frames  # before those of the next fringe are read
         lit = lit_pixels([*few.values()])
         flicker = dict(zip(few, flickers_of([f[:, lit] for f in few.values()]), strict=True))
     if gamma is not None:
@@ -338,7 +339,7 @@ def _read(capture: Capture, axis: str, gamma, each):
     for k, fringe in fringes.items():
         frames = kept.pop(k) if k in kept else capture.frames(k)
         how = {"black": response.black, "white": response.white}
-        sample.append(sampled(frames))
+        sample.append(few[k] if k in few else sampled(frames))
         some = frames[:, ::every, ::every] * np.float32(capture.scale)
         shown.append(np.clip(np.rint(some), 0, WHITE).astype(np.uint8))
         lit = lit_pixels(sample[-1:])
