@@ -167,3 +167,19 @@ def test_a_face_offers_what_there_is(package):
 def test_a_package_is_small(package):
     """About ten files, none deeper than a folder of one idea."""
     assert len(list((SOURCE / package).glob("*.py"))) <= 12
+
+
+SAME = {"photograph"}  # by Blender or by our own rays
+
+
+def test_no_two_public_things_share_a_name():
+    """Commands and exercises aside, whose names are words that a reader types."""
+    places = {}
+    for file in SOURCE.rglob("*.py"):
+        if {"cli", "exercises"} & set(file.relative_to(SOURCE).parts):
+            continue
+        for node in ast.parse(file.read_text()).body:
+            named = isinstance(node, ast.FunctionDef | ast.ClassDef)
+            if named and not node.name.startswith("_") and node.name not in {*SAME, "main"}:
+                places.setdefault(node.name, []).append(file.relative_to(SOURCE).as_posix())
+    assert {name: files for name, files in places.items() if len(files) > 1} == {}

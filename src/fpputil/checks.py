@@ -163,7 +163,7 @@ def read_json(path: Path, form: Form, kind: str):
         raise ValueError(f"{path} is cut or no {kind} ({one_line(error)})") from error
 
 
-def rotation(name: str, R) -> np.ndarray:
+def rotation_matrix(name: str, R) -> np.ndarray:
     """R as a (3, 3) float64 array; ValueError unless it is orthonormal with determinant +1."""
     R = np.asarray(R, np.float64)
     if R.shape != (3, 3):

@@ -8,7 +8,7 @@ import pytest
 
 from fpputil.capture.faults.diagnosis import diagnose
 from fpputil.capture.measurement import measure
-from fpputil.capture.patterns import Patterns, phase_of
+from fpputil.capture.patterns import Patterns, start_angle
 from fpputil.capture.photographs import open_capture
 from fpputil.capture.quality import Reason
 from fpputil.capture.virtual import photograph
@@ -102,7 +102,9 @@ BEGUN = [(*one, start) for one in (MF, MW) for start in ("sine", -120, "black")]
 @pytest.mark.parametrize("unwrap, pitches, start", BEGUN, ids=[f"{u} {s}" for u, _, s in BEGUN])
 def test_fringes_that_begin_otherwise_are_named_and_taken(tmp_path, view, unwrap, pitches, start):
     files = "{pitch}-{step}.npy"
-    begun = Patterns(PROJECTOR, fringe_set(pitches, 6, start=phase_of(start)), unwrap, files=files)
+    begun = Patterns(
+        PROJECTOR, fringe_set(pitches, 6, start=start_angle(start)), unwrap, files=files
+    )
     plain = replace(begun, fringes=fringe_set(pitches, 6))
     result, capture = taken(tmp_path, view, begun, given=plain, noise=1.0)
     findings = [f for f in diagnose(result, capture) if f.severe]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fpputil.capture.faults.curve import fit
+from fpputil.capture.faults.curve import fit_response
 from fpputil.capture.quality import Noise, Reason, judge, noise_of, parted
 from fpputil.decoding import phase
 from fpputil.optics.fringes import Fringe
@@ -25,7 +25,7 @@ def photographs(steps, dtype, full, shape=(37, 61)):
 def test_the_fit_is_that_of_least_squares(steps, dtype, full, shift, monkeypatch):
     monkeypatch.setattr("fpputil.capture.faults.curve.BLOCK", 2000)  # several blocks of rows
     frames = photographs(steps, dtype, full)
-    result = fit(frames, Fringe(20, steps), shift, 1.0, full)
+    result = fit_response(frames, Fringe(20, steps), shift, 1.0, full)
     grey = frames.astype(np.float64) * (255 / full)
     M, D = phase.numerator_denominator(grey)
     B = phase.modulation(M, D, steps)
@@ -46,7 +46,7 @@ def test_the_fit_is_that_of_least_squares(steps, dtype, full, shift, monkeypatch
 def test_pixels_are_left_out_as_the_criteria_say(steps):
     noise, threshold = Noise(2.0, 0.05, True), 8.0
     fringe = Fringe(912, steps)
-    one = fit(photographs(steps, np.uint8, 255), fringe)
+    one = fit_response(photographs(steps, np.uint8, 255), fringe)
     column = np.full(one.wrapped.shape, 3.0, np.float32)  # radians, well inside the projector
     reason, sigmas, *_ = judge([one], [fringe], [column], noise, threshold, "mf", 912)
     variance = noise.variance(one.average)
@@ -73,7 +73,7 @@ def test_a_change_of_the_modulation_is_left_out_where_it_is_not_that_around():
     B = [np.full(shape, 50.0), np.full(shape, 40.0)]  # as out of focus everywhere
     B[1][30, 30] *= np.exp(-0.2 - 0.1)
     frames = [120 + b * np.cos(f.phase(column) + delta) for b, f in zip(B, fringes, strict=True)]
-    fits = [fit(f, fringe) for f, fringe in zip(frames, fringes, strict=True)]
+    fits = [fit_response(f, fringe) for f, fringe in zip(frames, fringes, strict=True)]
     Phis = [f.phase(column).astype(np.float32) for f in fringes]
     reason, *_ = judge(fits, fringes, Phis, Noise(0.1, 0, True), 8.0, "mf", 912)
     assert reason[30, 30] == Reason.UNSTEADY

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fpputil.capture.faults.curve import fit
+from fpputil.capture.faults.curve import fit_response
 from fpputil.capture.faults.diagnosis import diagnose
 from fpputil.capture.faults.gamma import gamma_of_few, gamma_of_plain, linearise, power_profile
 from fpputil.capture.measurement import measure
@@ -116,7 +116,7 @@ def test_what_a_power_leaves_is_the_variance_of_the_noise(steps, plain):
     turn = rng.uniform(-np.pi, np.pi, shape) + fringe.shifts[:, None, None]
     frames = 20 + 180 * ((1 + np.cos(turn)) / 2) ** 2.2 + rng.normal(0, 2, (steps, *shape))
     white = None if plain is None else plain + rng.normal(0, 2 * (plain < 255), shape)
-    result = fit(frames, fringe, gamma=2.2, black=20.0, white=white)
+    result = fit_response(frames, fringe, gamma=2.2, black=20.0, white=white)
     assert result.residual.mean() == pytest.approx(4, rel=0.05)
 
 

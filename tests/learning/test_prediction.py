@@ -13,10 +13,9 @@ from fpputil.dataset.store import open_store
 from fpputil.learning.prediction import (
     check_photographs,
     expected_photographs,
-    faults,
-    fringes_seen,
     predict,
     warnings,
+    wrong_photographs,
 )
 from fpputil.learning.weights import Trained, load_weights
 from fpputil.networks.methods import DLALNetMethod, PSNetMethod, SFNetMethod, SIDOMethod
@@ -42,7 +41,7 @@ def shoot(view, *pitches, **camera):
 
 
 def told(photographs):
-    return faults(photographs) + warnings(photographs)
+    return wrong_photographs(photographs) + warnings(photographs)
 
 
 def warned(view, tiny, *pitches, about=SFNET, **camera):
@@ -75,10 +74,10 @@ def test_16_bit_weights_measure_alike(trained, sphere_view, tiny):
 
 def test_the_mask_is_that_of_the_modulation_but_for_rims(sphere_view, tiny):
     shown = check_photographs(SFNET, shoot(sphere_view, 24, 304), tiny.system)
-    found, true = fringes_seen(shown), sphere_view.mask & (sphere_view.shade > 16 / 255)
+    found, true = shown.fringes_seen, sphere_view.mask & (sphere_view.shade > 16 / 255)
     assert (found & ~true).sum() < 0.01 * true.sum() and (true & ~found).sum() < 0.05 * true.sum()
     bright = check_photographs(SFNET, shoot(sphere_view, 24, 304, ambient=60), tiny.system)
-    assert (fringes_seen(bright) ^ found).sum() < 0.02 * true.sum()  # light alone is no fringe
+    assert (bright.fringes_seen ^ found).sum() < 0.02 * true.sum()  # light alone is no fringe
 
 
 def test_views_of_a_dataset_are_not_odd():
@@ -89,7 +88,7 @@ def test_views_of_a_dataset_are_not_odd():
     for view in views:
         assert told(check_photographs(SFNET, shoot(view, 24, 304), data.system)) == []
         swapped = check_photographs(SFNET, shoot(view, 304, 24), data.system)
-        assert faults(swapped) == ["photographs swapped: pitch 304 comes before 24"]
+        assert wrong_photographs(swapped) == ["photographs swapped: pitch 304 comes before 24"]
 
 
 @pytest.mark.parametrize(
@@ -153,7 +152,7 @@ def test_a_rig_that_lies_on_its_side(sphere_view, tiny):
     lain = check_photographs(about, shoot(view, 24, 304), lying)
     assert lain.axis == 0 and upright.axis == 1
     assert lain.period == pytest.approx(upright.period, rel=0.01)
-    np.testing.assert_array_equal(np.rot90(fringes_seen(lain)), fringes_seen(upright))
+    np.testing.assert_array_equal(np.rot90(lain.fringes_seen), upright.fringes_seen)
 
 
 @pytest.mark.parametrize(

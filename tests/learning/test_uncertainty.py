@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fpputil.decoding.unwrap import wrap
-from fpputil.learning import Uncertainty, calibrate, doubt, judge
+from fpputil.learning import Uncertainty, assess_uncertainty, calibrate_uncertainty, doubt
 from fpputil.learning.evaluation import evaluate, open_split
-from fpputil.learning.uncertainty import KEPT, Pixels, doubt_of, keep, uncertainty_of
+from fpputil.learning.uncertainty import KEPT, Disagreements, doubt_of, keep, uncertainty_of
 from fpputil.learning.weights import Trained, load_weights, save_weights, write_metrics
 from fpputil.networks import SFNetMethod, SIDOMethod
 
@@ -75,11 +75,11 @@ def trained(small_set, tmp_path_factory):
 
 
 def test_a_network_is_calibrated_on_one_split_and_judged_on_another(small_set, trained, tmp_path):
-    told = calibrate(trained, open_split(trained, small_set, "validation"))
+    told = calibrate_uncertainty(trained, open_split(trained, small_set, "validation"))
     views = open_split(trained, small_set, "test")
-    seen = Pixels(trained)
+    seen = Disagreements(trained)
     evaluate(trained, views, seen.add)
-    found = judge(told, *seen.together)
+    found = assess_uncertainty(told, *seen.together)
     pixels = sum(int(views[k]["mask"].sum()) for k in range(len(views)))
     assert found["pixels"] == pixels and found["kept"] == KEPT
     assert 0 < found["coverage_68"] < found["coverage_95"] <= 1

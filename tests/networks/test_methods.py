@@ -23,7 +23,7 @@ from fpputil.networks.methods import (
     method_of,
     settings_of,
 )
-from fpputil.networks.targets import noiseless, true_reference
+from fpputil.networks.targets import noiseless, placed, true_reference
 
 TWO_PI = 2 * math.pi
 SMALL = {"base": 2, "levels": 2}
@@ -319,6 +319,47 @@ def test_losses_of_photographs_against_loops(small_set):
             second = ("phase", coarse) if method is ALL["sido"] else ("steps", steps)
             assert found[second[0]][k].item() == pytest.approx(np.mean(second[1]), rel=1e-5)
             assert found["total"][k] == found["frames"][k] + found[second[0]][k]
+
+
+@pytest.mark.parametrize("method", ["psnet, fringe", "sido, fringe"])
+def test_losses_of_fringes_against_loops(small_set, method):
+    method = ALL[method]
+    geometry, batch = batch_of(small_set, method, number=2)
+    outputs = network(method)(method.inputs(batch["frames"], geometry)).detach().double()
+    found = method.losses(outputs, {k: v.double() for k, v in batch.items()} | batch, geometry)
+    pitches = ((HIGH,), (HIGH, UNIT))[isinstance(method, PSNetMethod)]
+    number = 5 if len(pitches) == 1 else 15
+    for k, mask in enumerate(batch["mask"].numpy()):
+        frames, steps = [], []
+        for v, u in np.argwhere(mask):
+            for part, at in enumerate(pitches):
+                got = outputs[k, :5, v, u] if number == 5 else outputs[k, part, :, v, u]
+                phi = -math.atan2(*(batch[x][k, at, v, u] for x in "MD"))
+                e = got.numpy() - np.cos(phi + TWO_PI * np.arange(number) / number)
+                frames.append(np.mean(e**2))
+                steps.append(np.mean([(e[n] - e[n - 1]) ** 2 for n in range(number)]))
+        assert found["frames"][k].item() == pytest.approx(np.mean(frames), rel=1e-5)
+        if number == 15:
+            assert found["steps"][k].item() == pytest.approx(np.mean(steps), rel=1e-5)
+
+
+def test_coordinates_are_columns_then_rows_from_edge_to_edge():
+    frames = torch.zeros(1, 1, 3, 5)
+    _, column, row = placed(frames)[0]
+    torch.testing.assert_close(column, torch.linspace(-1, 1, 5).expand(3, 5))
+    torch.testing.assert_close(row, torch.linspace(-1, 1, 3)[:, None].expand(3, 5))
+
+
+def test_a_pitch_is_named_by_a_range_that_its_period_covers(tiny):
+    """By the lit columns between both ends of a pixel's ray, and the pitch, both in pixels."""
+    geometry, system = Geometry.of(tiny.system, tiny.pitches), tiny.system
+    for name in ("mid", "zmin", "unit"):
+        ends = [system.columns_at(z) for z in (system.z_min, system.z_max)]
+        span = np.abs(np.subtract(*np.clip(ends, -0.5, system.projector.width - 0.5)))
+        expected = span < getattr(tiny.pitches, name)
+        clear = np.isfinite(span) & (np.abs(span - getattr(tiny.pitches, name)) > 0.1)
+        assert (geometry.named_by_range(name).numpy() == expected)[clear].all()
+    assert not geometry.named_by_range("mid").all() and geometry.named_by_range("zmin").any()
 
 
 @each

@@ -8,7 +8,7 @@ from torch import nn
 
 from fpputil.learning.devices import forward
 from fpputil.networks.sfnet import MIXING, SFNet
-from fpputil.networks.unet import Encoder, lowered, padded
+from fpputil.networks.unet import Encoder, UNet, lowered, padded
 
 
 def sfnet(seed=0, **options):
@@ -87,6 +87,8 @@ def test_padding_is_zeros_right_and_below_and_cropped_again():
     assert torch.equal(padded(frames, 8), room)
     assert torch.equal(network(frames), network(room)[..., :13, :17])
     assert torch.equal(padded(room, 8), room)
+    unet = UNet(2, (3,), base=3, levels=4, dropout=0.0).eval()
+    assert torch.equal(unet(frames)[0], unet(room)[0][..., :13, :17])
 
 
 @pytest.mark.parametrize("mixing", MIXING)

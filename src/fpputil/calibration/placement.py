@@ -13,7 +13,7 @@ import trimesh
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from fpputil.checks import positive, rotation, seeded, whole
+from fpputil.checks import positive, rotation_matrix, seeded, whole
 from fpputil.optics.system import System
 
 DRAWS = 2000  # poses tried for each one that is kept
@@ -57,7 +57,7 @@ class PlacedBoard:
                 "a target takes (h, w) uint8"
             )
         positive("width", self.width, "mm")
-        rotation("R", self.R)
+        rotation_matrix("R", self.R)
         if t.shape != (3,) or not np.isfinite(t).all():
             raise ValueError(f"t {t.tolist()} given; a place is (3,), finite, in mm")
 

@@ -20,7 +20,14 @@ from fpputil.capture.coding import (
     unwrap_by_code,
 )
 from fpputil.capture.faults.consistency import STEPS, flicker_of, flickers_of
-from fpputil.capture.faults.curve import LEAST_LIT, Response, blur_of, fit, lit_pixels, response_of
+from fpputil.capture.faults.curve import (
+    LEAST_LIT,
+    Response,
+    blur_of,
+    fit_response,
+    lit_pixels,
+    response_of,
+)
 from fpputil.capture.faults.gamma import LEAST_STEPS, linearise
 from fpputil.capture.photographs import Capture
 from fpputil.capture.quality import (
@@ -350,7 +357,7 @@ def _read(capture: Capture, axis: str, gamma, each):
             dark = response.black if black is None else plain[1][lit]
             bright = None if response.white is None else plain[0][lit]
             how["blur"] = blur_of(sample[-1][:, lit], fringe, response.gamma, dark, bright)
-        fits.append(fit(frames, fringe, shift, response.gamma, capture.full, **how))
+        fits.append(fit_response(frames, fringe, shift, response.gamma, capture.full, **how))
         del frames  # before those of the next fringe are read
         if each is not None:
             each(fringe.steps)

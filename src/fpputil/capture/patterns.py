@@ -308,17 +308,17 @@ def _fringe(entry, projector, start) -> Fringe | GrayCode:
         raise ValueError(f"fringe {entry!r} found; pitch and steps are needed, axis may be given")
     if ("pitch" in entry) == ("periods" in entry):
         raise ValueError(f"fringe {entry!r} found; of pitch and periods, one is needed")
-    entry = {**entry, "start": phase_of(entry.get("start", start))}
+    entry = {**entry, "start": start_angle(entry.get("start", start))}
     if (periods := entry.pop("periods", None)) is not None:
         side = projector[0 if entry.get("axis", "column") == "column" else 1]
         entry["pitch"] = side / positive("periods", periods, "the projector's width or height")
     return Fringe(**entry)
 
 
-def phase_of(start: str | float) -> float:
+def start_angle(start: str | float) -> float:
     """Phase, radians, of a first step that begins as a name of `STARTS` says, or at degrees.
 
-    >>> phase_of("sine") == phase_of(-90) == phase_of("-90") == -np.pi / 2
+    >>> start_angle("sine") == start_angle(-90) == start_angle("-90") == -np.pi / 2
     True
     """
     if start in STARTS:

@@ -20,7 +20,7 @@ from fpputil.cli.options import (
     millimetres,
     option,
 )
-from fpputil.cli.photographs import FILES, LEVELS, Files, Levels, patterns_of
+from fpputil.cli.photographs import FILES, LEVELS, Files, LevelOptions, patterns_of
 
 LEAST = 1.0  # mm, below which a length without its unit is asked about
 
@@ -39,7 +39,7 @@ def calibrate(
     accept: Annotated[bool, option("Take poses whose phases are wrong all the same.")] = False,
     force: Force = False,
     json: Json = False,
-    levels: Levels = LEVELS,
+    levels: LevelOptions = LEVELS,
     names: Files = FILES,
     fringes: Fringes = FRINGES,
 ) -> None:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from fpputil import capture, optics
 from fpputil.cli.options import FRINGES, Force, Fringes, Json, option
-from fpputil.cli.photographs import FILES, LEVELS, Files, Levels, patterns_of
+from fpputil.cli.photographs import FILES, LEVELS, Files, LevelOptions, patterns_of
 
 YES = {"negative_bool": "no-", "negative": None}
 
@@ -54,7 +54,7 @@ def decode(
     pictures: Annotated[bool, option("Write TIFF files.", **YES)] = True,
     force: Force = False,
     json: Json = False,
-    levels: Levels = LEVELS,
+    levels: LevelOptions = LEVELS,
     cloud: Cloud = CLOUD,
     names: Files = FILES,
     fringes: Fringes = FRINGES,

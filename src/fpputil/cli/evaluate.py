@@ -59,7 +59,7 @@ def evaluate(
     from fpputil.learning.devices import device_of, hardware, precision_of
     from fpputil.learning.evaluation import save_points
     from fpputil.learning.loaders import spread
-    from fpputil.learning.uncertainty import Pixels, calibrate, keep
+    from fpputil.learning.uncertainty import Disagreements, calibrate_uncertainty, keep
     from fpputil.learning.weights import write_metrics
 
     if uncertainty and not json:
@@ -79,7 +79,7 @@ def evaluate(
         print(f"{number} points of view {int(item['index'])} in {save}")
     which = spread(opened, len(opened) if views is None else views)
     how |= {"workers": workers, "progress": True}
-    pixels = Pixels(trained)
+    pixels = Disagreements(trained)
     each = pixels.add if uncertainty else None
     scores = learning.evaluate(trained, opened, each, views=which, **how)
     summaries = [score.summary(seed) for score in scores]
@@ -95,7 +95,9 @@ def evaluate(
         names = ("two photographs", "range given", "one photograph")
         numbers |= dict(zip(names, summaries, strict=True))
         if uncertainty:
-            told = calibrate(trained, learning.open_split(trained, data, "validation"), **how)
+            told = calibrate_uncertainty(
+                trained, learning.open_split(trained, data, "validation"), **how
+            )
             keep(weights, trained, told)
             numbers["uncertainty"] = _judged(told, pixels)
         print(f"kept in {write_metrics(weights, trained, split, numbers)}")
@@ -103,9 +105,9 @@ def evaluate(
 
 def _judged(told, pixels) -> dict:
     """Print and return how true an `Uncertainty` is."""
-    from fpputil.learning.uncertainty import judge
+    from fpputil.learning.uncertainty import assess_uncertainty
 
-    found = judge(told, *pixels.together)
+    found = assess_uncertainty(told, *pixels.together)
     for share in (68, 95):
         covered = found[f"coverage_{share}"]
         print(f"as small as told should be {share} % of the errors, and are {covered:.1%}")

@@ -168,7 +168,7 @@ class Fringes:
 
     def begun(self, fringes: Sequence) -> tuple:
         """Fringes along an axis that begin as `start` says."""
-        from fpputil.capture.patterns import phase_of
+        from fpputil.capture.patterns import start_angle
 
         if self.start is None:
             return tuple(fringes)
@@ -178,7 +178,7 @@ class Fringes:
                 f"{len(starts)} starts and {len(fringes)} pitches given; one of all, or of each"
             )
         pairs = zip(fringes, starts, strict=True)
-        return tuple(replace(fringe, start=phase_of(start)) for fringe, start in pairs)
+        return tuple(replace(fringe, start=start_angle(start)) for fringe, start in pairs)
 
     def _usual(self, unwrap: str) -> tuple[int, int]:
         """Size of the book's projector, unless pitches or periods say that it is another one."""
@@ -228,7 +228,7 @@ USUALLY = ("mf", "minimum", "gray", "spatial")  # unwrappings that have usual pi
 
 @Parameter(name="*", group="Processes")
 @dataclass(frozen=True)
-class Training:
+class TrainingOptions:
     """With what to train."""
 
     workers: Workers = 1
@@ -243,7 +243,7 @@ class Training:
         return {"workers": self.workers, "device": self.device, "progress": True}
 
 
-TRAINING = Training()
+TRAINING = TrainingOptions()
 
 
 def tell(as_json: bool, numbers: dict, *lines: str) -> None:

@@ -12,7 +12,7 @@ from fpputil.cli.options import SEVERAL, Channel, Fringes, Full, Size, given, op
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Levels:
+class LevelOptions:
     """How grey levels are read."""
 
     gamma: Annotated[
@@ -32,7 +32,7 @@ class Levels:
         return {**vars(self), "gamma": _exponent(self.gamma)}
 
 
-LEVELS = Levels()
+LEVELS = LevelOptions()
 
 
 def _exponent(gamma: str) -> float | None:

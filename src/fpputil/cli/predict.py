@@ -66,7 +66,9 @@ def predict(
     trained, rig = learning.load_weights(weights), optics.load_system(system)
     frames, notes = _frames(photo, full, channel)
     shots = learning.check_photographs(trained, frames, rig)
-    warnings = [said for fault in learning.faults(shots) for said in _tell(fault, accept)]
+    warnings = [
+        said for fault in learning.wrong_photographs(shots) for said in _tell(fault, accept)
+    ]
     warnings += _warn(notes + learning.warnings(shots))
     told = learning.uncertainty_of(weights)
     if most is not None and told is None:

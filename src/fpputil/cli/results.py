@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import App
 
 from fpputil import experiments
-from fpputil.cli.options import TRAINING, Data, Preset, Training, option
+from fpputil.cli.options import TRAINING, Data, Preset, TrainingOptions, option
 
 app = App(
     "results",
@@ -53,7 +53,7 @@ def rates(
     *,
     data: Data = Path("sets/tiny"),
     results: Results = RESULTS,
-    how: Training = TRAINING,
+    how: TrainingOptions = TRAINING,
 ) -> None:
     """Search the learning rate of each method, at tiny."""
     path = results / "tiny" / "rates.json"
@@ -71,7 +71,7 @@ def run(
     data: Annotated[Path | None, option("The dataset (default sets/PRESET).")] = None,
     work: Annotated[Path, option("Folder for runs under way.")] = Path("runs"),
     results: Results = RESULTS,
-    how: Training = TRAINING,
+    how: TrainingOptions = TRAINING,
 ) -> int:
     """Make runs."""
     known, data = list(experiments.experiments(preset)), data or Path("sets") / preset

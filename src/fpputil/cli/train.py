@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from fpputil import dataset, experiments, learning, networks
-from fpputil.cli.options import TRAINING, Data, Preset, Training, given, option
+from fpputil.cli.options import TRAINING, Data, Preset, TrainingOptions, given, option
 
 
 def _options(group: str, **options: tuple[type, str]) -> type:
@@ -80,7 +80,7 @@ def train(
     resume: Annotated[bool, option("Go on with the run in OUT.")] = False,
     start: Annotated[Path | None, option("Begin with this network, not a random one.")] = None,
     on_device: Annotated[bool, option("Make the photographs where the network runs.")] = False,
-    how: Training = TRAINING,
+    how: TrainingOptions = TRAINING,
     settings: Settings = SETTINGS,
     camera: Camera = CAMERA,
     network: Network = NETWORK,

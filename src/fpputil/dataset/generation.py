@@ -181,7 +181,9 @@ def see_model(shared: dict, model: dict, number: int, root: str | None) -> tuple
     for k, pose in enumerate(record["pose"]):
         try:
             view = raycast(
-                tree, turned(system, rotation(*pose), chosen.centre), albedo=settings["albedo"]
+                tree,
+                turned_system(system, rotation(*pose), chosen.centre),
+                albedo=settings["albedo"],
             )
         except ValueError as error:  # seen edge on, or from behind
             record["notes"].append(f"view {k}: {error}")
@@ -199,7 +201,7 @@ def poses_of(settings: dict, number: int) -> dict[str, list]:
     return {"pose": [list(POSES[k]) for k in drawn], "noise_seed": seeds}
 
 
-def turned(system: System, R: np.ndarray, centre) -> System:
+def turned_system(system: System, R: np.ndarray, centre) -> System:
     """The system moved round a model that stays, whose tree serves all poses: it looks turned."""
     shift = np.asarray(centre) - R @ centre
     camera, projector = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -54,10 +55,27 @@ class CheckedPhotographs:
         slopes = np.abs(np.gradient(self.columns, axis=self.axis))
         return float(self.pitches.high / np.nanmedian(slopes))
 
+    @cached_property
+    def fringes_seen(self) -> np.ndarray:
+        """Where there are fringes, (H, W) bool: a guess, as one photograph has no modulation.
+
+        Half the height from troughs to crests around a pixel must exceed `THRESHOLD`. Crests come
+        from closing the brightest photograph of each pixel, over 1.25 high periods, troughs from
+        opening the high ones. So light without fringes does not count, shadows and gaps narrower
+        than that do, and the rim of an object is uncertain by as much. The amplitude that a
+        network predicts does not serve: it never learned what to answer where there are none.
+        """
+        high = [k for k, name in enumerate(self.names) if name == "high"]
+        size = [1, 1]
+        size[self.axis] = 2 * int(0.625 * self.period) + 1
+        crests = grey_closing(self.frames.max(axis=0), size=size)
+        troughs = grey_opening(self.frames[high].min(axis=0), size=size)
+        return (crests - troughs) / 2 > THRESHOLD
+
 
 @dataclass(frozen=True, eq=False)
 class DepthPrediction:
-    """Maps (H, W) in float32, NaN outside the mask of `fringes_seen`.
+    """Maps (H, W) in float32, NaN outside the mask of `CheckedPhotographs.fringes_seen`.
 
     Phases in radians (phi_r is NaN if the method has none), the projector column in pixels, the
     depth in mm. Of the errors of Phi, radians, and of the depth, mm, 95 % stay below Phi_error and
@@ -116,26 +134,9 @@ def check_photographs(trained: Trained, images, system: System) -> CheckedPhotog
     names = tuple(name for name, *_ in trained.method.photographs)
     columns = system.columns_at((system.z_min + system.z_max) / 2)
     photographs = CheckedPhotographs(frames, names, trained.metadata, system, columns)
-    if not fringes_seen(photographs).any():
+    if not photographs.fringes_seen.any():
         raise ValueError(f"no fringes seen; a modulation above {THRESHOLD:g} grey levels is needed")
     return photographs
-
-
-def fringes_seen(photographs: CheckedPhotographs) -> np.ndarray:
-    """Where there are fringes, (H, W) bool: a guess, as one photograph has no modulation.
-
-    Half the height from troughs to crests around a pixel must exceed `THRESHOLD`. Crests come
-    from closing the brightest photograph of each pixel, over 1.25 high periods, troughs from
-    opening the high ones. So light without fringes does not count, shadows and gaps narrower
-    than that do, and the rim of an object is uncertain by as much. The amplitude that a network
-    predicts does not serve: it never learned what to answer where there are no fringes.
-    """
-    high = [k for k, name in enumerate(photographs.names) if name == "high"]
-    size = [1, 1]
-    size[photographs.axis] = 2 * int(0.625 * photographs.period) + 1
-    crests = grey_closing(photographs.frames.max(axis=0), size=size)
-    troughs = grey_opening(photographs.frames[high].min(axis=0), size=size)
-    return (crests - troughs) / 2 > THRESHOLD
 
 
 def predict(
@@ -149,7 +150,7 @@ def predict(
 
     How large errors may be is `told` by the two phases of each pixel.
     """
-    system, mask = photographs.system, fringes_seen(photographs)
+    system, mask = photographs.system, photographs.fringes_seen
     trained, device, precision = moved(trained, device, precision)
     pitches, (low, high) = photographs.pitches, photographs.metadata["extremes"]
     geometry = Geometry.of(system, pitches, (low, high)).to(device)
@@ -177,14 +178,14 @@ def predict(
     return DepthPrediction(*maps, points, mask)
 
 
-def faults(photographs: CheckedPhotographs) -> list[str]:
+def wrong_photographs(photographs: CheckedPhotographs) -> list[str]:
     """Why these cannot be the photographs that the network wants, in sentences; mostly none."""
-    return list(dict.fromkeys(_odd_pitches(photographs, fringes_seen(photographs))))
+    return list(dict.fromkeys(_odd_pitches(photographs, photographs.fringes_seen)))
 
 
 def warnings(photographs: CheckedPhotographs) -> list[str]:
     """What is unlike the photographs of the training, in sentences."""
-    mask = fringes_seen(photographs)
+    mask = photographs.fringes_seen
     odd = (_odd_levels, _long_range)
     sentences = [sentence for each in odd for sentence in each(photographs, mask)]
     return list(dict.fromkeys([*_odd_size(photographs), *sentences]))

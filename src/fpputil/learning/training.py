@@ -136,7 +136,7 @@ def fit(
             return trained_of(method, network, geometry, config, history, group)
 
         if writes:
-            claim(out, config, resume)
+            claim_folder(out, config, resume)
         if resume and (out / CHECKPOINT).is_file():
             state = restore(out / CHECKPOINT, network, optimiser)
             schedule.load_state_dict(state["schedule"])
@@ -277,7 +277,7 @@ def trained_of(method, network, geometry, config: dict, history, group: Processe
     return Trained(method, network.eval(), metadata)
 
 
-def claim(out: Path, config: dict, resume: bool) -> None:
+def claim_folder(out: Path, config: dict, resume: bool) -> None:
     """Make `out` the folder of the run that its config.json describes, unless it is another's."""
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out} is a file; a run needs a folder")

@@ -110,7 +110,7 @@ class Uncertainty:
         return tuple(np.interp(score, self.doubt, end) for end in ends)
 
 
-class Pixels:
+class Disagreements:
     """Disagreement and absolute error, radians, of the pixels of views as they are predicted."""
 
     def __init__(self, trained: Trained):
@@ -128,19 +128,19 @@ class Pixels:
         return np.concatenate(self.scores), np.concatenate(self.errors)
 
 
-def calibrate(trained: Trained, data: SynthFringe, **how) -> Uncertainty:
+def calibrate_uncertainty(trained: Trained, data: SynthFringe, **how) -> Uncertainty:
     """`Uncertainty` from a split that the network was not trained on, the validation split.
 
     Of `VIEWS` views, evenly spread. Options as of `predictions`.
     """
-    pixels = Pixels(trained)
+    pixels = Disagreements(trained)
     for item, prediction in predictions(trained, data, views=spread(data, VIEWS), **how):
         pixels.add(item, prediction)
     return Uncertainty.of(*pixels.together)
 
 
-def judge(told: Uncertainty, scores: np.ndarray, errors: np.ndarray) -> dict:
-    """How true an `Uncertainty` is of `Pixels.together`, and what it is good for. Chapter 8.
+def assess_uncertainty(told: Uncertainty, scores: np.ndarray, errors: np.ndarray) -> dict:
+    """How true an `Uncertainty` is of `Disagreements.together`, and what it is good for. Chapter 8.
 
     Returns
     -------

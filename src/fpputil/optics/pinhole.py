@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from fpputil.checks import at_most, rotation, whole
+from fpputil.checks import at_most, rotation_matrix, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Pinhole:
                 f"camera matrix {K.tolist()} given; it needs positive focal lengths (the first is "
                 "negative in a mirror) and the last row 0 0 1, or its rays are undefined"
             )
-        rotation("R", R)
+        rotation_matrix("R", R)
         if (k := distortion.size) not in (0, 4, 5, 8, 12, 14):
             raise ValueError(
                 f"{k} distortion coefficients given; OpenCV takes 0, 4, 5, 8, 12 or 14"

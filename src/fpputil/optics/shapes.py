@@ -127,7 +127,7 @@ def place(
     ([0.0, 0.0, 650.0], 50)
     """
     check_mesh(mesh, "mesh")
-    turn = np.eye(3) if rotation is None else checks.rotation("rotation", rotation)
+    turn = np.eye(3) if rotation is None else checks.rotation_matrix("rotation", rotation)
     offset = mesh.vertices - mesh.bounds.mean(axis=0)
     diameter = 2 * np.linalg.norm(offset, axis=1).max()
     positive("mesh diameter", diameter, "mm")

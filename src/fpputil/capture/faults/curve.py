@@ -58,7 +58,7 @@ class Fit(NamedTuple):
     slope: np.ndarray
 
 
-def fit(
+def fit_response(
     frames,
     fringe: Fringe,
     shift: int = 1,
@@ -96,7 +96,7 @@ def fit(
     Examples
     --------
     >>> steps = 2 * np.pi * np.arange(4).reshape(4, 1, 1) / 4
-    >>> result = fit(100 + 50 * np.cos(0.3 + steps), Fringe(24, 4))
+    >>> result = fit_response(100 + 50 * np.cos(0.3 + steps), Fringe(24, 4))
     >>> [round(float(value[0, 0]), 3) for value in result]
     [0.3, 50.0, 100.0, 0.0, 0.0, 50.0]
     """
@@ -183,7 +183,7 @@ def left_by(
     """
     dark, plain = (one if np.ndim(one) == 0 else one[None] for one in (black, white))
     fits = [
-        fit(frames[:, None], fringe, 1, gamma, WHITE, dark, blur, None, plain)
+        fit_response(frames[:, None], fringe, 1, gamma, WHITE, dark, blur, None, plain)
         for frames, fringe in zip(samples, fringes, strict=True)
     ]
     left = [np.median(np.sqrt(one.residual) / np.maximum(one.modulation, 1)) for one in fits]

@@ -29,26 +29,24 @@ from fpputil.capture.faults.mounting import (
     way,
     writing,
 )
+from fpputil.capture.faults.pitches import (
+    SURE,
+    fringe_name,
+    looks_square,
+    offset_findings,
+    pitch_findings,
+)
 from fpputil.capture.files.images import CHANNELS, LOSSY, grey
 from fpputil.capture.measurement import Measurement
-from fpputil.capture.patterns import STARTS, Patterns
 from fpputil.capture.photographs import Capture
-from fpputil.capture.quality import FEW, Reason, parted, start_offsets
+from fpputil.capture.quality import FEW, Reason
 from fpputil.decoding import phase, unwrap
 from fpputil.optics.system import System
 
 SHARE = 0.02  # of the lit pixels, above which a fault of pixels is one of the setup
 HARMONIC = 0.02  # second harmonic over the fringe, above which a response counts as not linear
-SPREAD = 0.05  # of the logarithms of pitches, from which their pictures tell which is the finer
-PITCH_OFF = 0.25  # relative error of a pitch as the photographs show it
-SURE = 0.6  # length of a circular mean, above which it tells something
-OFFSET = 0.15  # of an order
-SLIGHT = 0.05  # the same by beats or a code, where no ripple of a long pitch is multiplied
-FITS = 0.05  # of an order, by which a start may miss the offsets that it explains
-AGREED = 0.95  # cosine of the mean of what pitches are apart, from which on they agree
 LEFT_OUT = 0.05  # of the lit pixels, above which a reason is told; from a half on it is an error
 CURVED = 0.1  # second harmonic, above which three steps put orders wrong
-MIDDLING = 0.12  # of the grey levels, at most, between dark and bright in square fringes
 ROUGH = 8  # steps at most, with which square fringes give no phase
 STRONG = 400  # pixels at which photographs are compared
 ONE_COLOUR = 0.5  # of the brightest channel, under which grey is a waste of light
@@ -82,7 +80,7 @@ def diagnose(
     ...     [finding.code for finding in diagnose(measure(capture), capture)]
     ['direction']
     """
-    checks = (_relative, _repeated, _code, _offset, _clipping, _response, _light, _lost)
+    checks = (_relative, _repeated, _code, offset_findings, _clipping, _response, _light, _lost)
     if not measurement.sample:  # a Gray code alone
         checks = (_code, _light, _lost)
     findings = list(_frequencies(measurement, capture, system))
@@ -128,10 +126,6 @@ def _colours(capture) -> Iterator[Finding]:
         yield finding_of("overflow", channel=CHANNELS[worst + 1], share=clipped[worst])
 
 
-def _fringe(m: Measurement, k: int) -> str:
-    return f"pitch {m.fringes[k].pitch:g} along the {m.axis}s"
-
-
 def _share(m: Measurement, reason: Reason) -> float:
     """Of the lit pixels the share that is left out for a reason."""
     return float((m.reason == reason).sum() / max(m.lit.sum(), 1))
@@ -152,7 +146,7 @@ def _repeated(m, capture) -> Iterator[Finding]:
         frames = frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
         if frames.shape[1] < 20 or not 4 <= len(frames) <= STEPS[1]:
             continue
-        files, fringe = [shot.file for shot in capture.of(number)], _fringe(m, k)
+        files, fringe = [shot.file for shot in capture.of(number)], fringe_name(m, k)
         if pair := doubled(frames):
             one, other = (files[n] for n in pair)
             same = f"; it is the picture of {other}"
@@ -192,7 +186,7 @@ def _frequencies(m, capture, system) -> Iterator[Finding]:
     grown = growth(m, gradients := local_gradients(m))
     towards = heading(m.axis, grown, system)
     frequencies = np.linalg.norm(gradients, axis=1) if towards is None else gradients @ towards
-    yield from _pitches(m, np.abs(frequencies))
+    yield from pitch_findings(m, np.abs(frequencies))
     clear = np.abs(frequencies) > 1e-3
     if towards is None or not clear.any() or np.median(np.sign(frequencies[clear])) > 0:
         return  # they grow, as they should
@@ -203,33 +197,6 @@ def _frequencies(m, capture, system) -> Iterator[Finding]:
     else:
         named |= {"expected": way(towards), "writing": writing(system)}
         yield finding_of("mounting", **named)
-
-
-def _pitches(m, frequencies) -> Iterator[Finding]:
-    """Fringes whose pictures are as coarse as another one's should be."""
-    if m.lit.sum() < 1000 or np.median(m.modulation[:, m.lit]) < 16:
-        return  # a slow fringe cannot be told from noise
-    if len(frequencies) < 2 or not (frequencies >= 1e-3).all():
-        return
-    if any(_square(frames) for frames in m.sample):
-        return  # their phase goes up in stairs
-    declared = np.array([f.pitch for f in m.fringes])
-
-    def spread(pitches):  # frequency times pitch is the same for all, if they are right
-        return np.ptp(np.log(frequencies * pitches))
-
-    limit = 2 * np.log1p(PITCH_OFF)
-    nearest = np.diff(np.sort(declared)).min()
-    if spread(declared) < limit or nearest < PITCH_OFF * declared.min():
-        return
-    pitches = ", ".join(f"{p:g}" for p in declared)
-    best = declared.copy()
-    best[np.argsort(frequencies)] = np.sort(declared)[::-1]  # the coarser the longer
-    if spread(best) < limit:
-        yield finding_of("swapped", pitches=pitches, likely=", ".join(f"{p:g}" for p in best))
-    else:
-        likely = ", ".join(f"{declared[0] * frequencies[0] / f:.3g}" for f in frequencies)
-        yield finding_of("pitch", pitches=pitches, axis=m.axis, likely=likely)
 
 
 def _code(m, capture) -> Iterator[Finding]:
@@ -244,79 +211,6 @@ def _code(m, capture) -> Iterator[Finding]:
         yield finding_of(fault[0], bits=fault[1], axis=m.axis)
 
 
-def _offset(m, capture) -> Iterator[Finding]:
-    """Pitches that disagree by the same share everywhere, or everywhere differently."""
-    start = likely_start(m, capture.patterns)
-    start = f"give --start {start} if all fringes begin so at column 0; else " if start else ""
-    coded = m.reading is not None
-    beats = capture.patterns.unwrap == "mw"
-    beats &= not unwrap.covers(m.fringes[-1].pitch, capture.patterns.width(m.axis))
-    for k, (offset, sharpness) in enumerate(zip(m.offsets, m.sharpness, strict=True), -coded):
-        first = _fringe(m, k) if k >= 0 else f"the Gray code along the {m.axis}s"
-        pair = f"{first} and pitch {m.fringes[k + 1].pitch:g}"
-        if abs(offset) > (SLIGHT if beats or k < 0 else OFFSET) and sharpness > SURE / 2:
-            began = [
-                f"pitch {m.fringes[j].pitch:g} began with step {step}"
-                for j, step in _late(m, capture.patterns)
-            ]
-            late = f"; it looks as if {' or '.join(began)}" if began else ""
-            if late or sharpness > SURE:
-                yield finding_of("offset", pair=pair, offset=offset, start=start, late=late)
-        elif sharpness < SURE / 2 and m.lit.any():
-            periods = "these look like periods, not pitches (--periods); else "
-            yield finding_of(
-                "disagree", pair=pair, periods=periods if _look_like_periods(m) else ""
-            )
-
-
-def _look_like_periods(m: Measurement) -> bool:
-    """Whether the fringes are the finer in the picture the larger their pitches are said to be."""
-    pitches = np.array([f.pitch for f in m.fringes])
-    frequencies = np.linalg.norm(local_gradients(m), axis=1)
-    if np.ptp(np.log(pitches)) < SPREAD or not (frequencies > 1e-3).all():
-        return False
-    return np.polyfit(np.log(pitches), np.log(frequencies), 1)[0] > 0.5  # it should be -1
-
-
-def likely_start(m: Measurement, patterns: Patterns) -> str:
-    """The usual start of all fringes that explains the offsets between them, "" if none does."""
-    clear = m.sharpness > SURE
-    if not clear.any() or any(f.start for f in m.fringes):
-        return ""
-    pitches, width = [f.pitch for f in m.fringes], patterns.width(m.axis)
-
-    def miss(degrees):
-        offsets = start_offsets(pitches, patterns.unwrap, width, degrees / 360)
-        return np.abs((m.offsets - offsets + 0.5) % 1 - 0.5)[clear].max()
-
-    # Others than the usual ones would also explain a single pitch that begins with another step.
-    usual = [*STARTS.items(), *((str(d), d) for d in (90, 120, -120))]
-    return " or ".join(name for name, degrees in usual if miss(degrees) < FITS)
-
-
-def _late(m, patterns) -> list[tuple[int, int]]:
-    """Pitches, by number, and the steps with which they would begin if all then agree."""
-    if patterns.unwrap not in unwrap.TEMPORAL:
-        return []
-    method, pitches = unwrap.TEMPORAL[patterns.unwrap], [f.pitch for f in m.fringes]
-    few, width = m.wrapped[:, ::FEW, ::FEW][:, m.lit[::FEW, ::FEW]], patterns.width(m.axis)
-    exact, agree = [np.float32(0)] * len(pitches), {}
-    for j, fringe in enumerate(m.fringes):
-        for step in range(1, fringe.steps):
-            phis = list(few)
-            phis[j] = unwrap.wrap(phis[j] - patterns.shift * unwrap.TWO_PI * step / fringe.steps)
-            Phis = method(phis, pitches, width)
-            apart = [
-                np.nanmean(np.exp(1j * unwrap.TWO_PI * orders))
-                for orders, _ in parted(Phis, pitches, exact, patterns.unwrap, width)
-            ]
-            if all(a.real > AGREED * abs(a) for a in apart):
-                agree[j, step] = sum(a.real for a in apart)
-    best = max(agree.values(), default=0.0)
-    enough = max(best - 0.02, len(apart) * SURE / 2) if agree else 0.0
-    return [key for key, value in agree.items() if value > enough]
-
-
 def _clipping(m, capture) -> Iterator[Finding]:
     """Saturation of the camera; else fringes whose bright halves are flat by the projector."""
     share = _share(m, Reason.SATURATED)
@@ -327,9 +221,9 @@ def _clipping(m, capture) -> Iterator[Finding]:
         use = (high - low > 40) & (high < 0.97 * 255)
         if use.sum() < 20:
             continue
-        if _square(frames):
+        if looks_square(frames):
             if len(frames) <= ROUGH:
-                yield finding_of("square", fringe=_fringe(m, k), steps=len(frames))
+                yield finding_of("square", fringe=fringe_name(m, k), steps=len(frames))
                 return
             continue
         span = (high - low)[use]
@@ -337,15 +231,8 @@ def _clipping(m, capture) -> Iterator[Finding]:
         bright, dark = ((edge > 0.96 - 1 / span).mean() for edge in (levels, 1 - levels))
         limit = 0.24 + 0.5 / len(frames)
         if len(frames) >= 6 and dark <= limit < bright:
-            yield finding_of("clipped", fringe=_fringe(m, k))
+            yield finding_of("clipped", fringe=fringe_name(m, k))
             return
-
-
-def _square(frames) -> bool:
-    """Whether nearly all grey levels of photographs (N, S) are either dark or bright."""
-    low, span = frames.min(axis=0), np.ptp(frames, axis=0)
-    levels = ((frames - low) / np.maximum(span, 1))[:, span > 40]
-    return levels.size > 0 and ((levels > 0.15) & (levels < 0.85)).mean() < MIDDLING
 
 
 def _response(m, capture) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 Projector and camera together raise the light to an exponent, gamma. That adds harmonics, which few
 steps take for the fringe itself. Gamma is found where the photographs, raised to 1 / gamma, lose
 their second harmonic (five steps or more); from the mean light between black and white; or where
-the curve of a power leaves least of the photographs (`fpputil.capture.faults.curve.fit`).
+the curve of a power leaves least of the photographs (`fpputil.capture.faults.curve.fit_response`).
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def picture(
     if (projector is None) != (fringe is None):
         raise ValueError("one of projector and fringe given; a picture needs both or none")
     if projector is not None:
-        shaders.check(projector, [fringe])
+        shaders.check_pinhole(projector, [fringe])
     eye = looking(look_from, look_at, size, angle)
     with studio.opened(eye, whole("samples", samples, 1)) as (bpy, shoot):
         settings = bpy.context.scene.cycles

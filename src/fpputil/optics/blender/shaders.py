@@ -128,7 +128,7 @@ def address(pinhole: Pinhole) -> Callable:
     return image
 
 
-def check(pinhole: Pinhole, fringes: Iterable[Fringe] = ()) -> None:
+def check_pinhole(pinhole: Pinhole, fringes: Iterable[Fringe] = ()) -> None:
     """ValueError unless a lamp can be this projector and throw these patterns."""
     for fringe in fringes:
         if fringe.defocus:

@@ -23,7 +23,7 @@ METRE = 1000.0
 SENSOR = 100.0  # any width will do: the lens is scaled to it; Blender takes no lens below 1 mm
 
 
-def load():
+def load_blender():
     """The module ``bpy``, or an ImportError that says why it does not run."""
     if probe.blender_works():
         import bpy
@@ -59,7 +59,7 @@ def opened(camera: Pinhole, samples: int) -> Iterator[tuple]:
             f"a camera of {camera.width} x {camera.height} pixels given; Blender's has at least "
             "4 x 4"
         )
-    bpy = load()
+    bpy = load_blender()
     with _silence(), tempfile.TemporaryDirectory() as folder:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         try:

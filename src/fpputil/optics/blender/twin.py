@@ -43,7 +43,7 @@ def photograph(
     fringes = (fringes,) if isinstance(fringes, Fringe) else tuple(fringes)
     if not fringes:
         raise ValueError("no fringe given; a photograph needs at least one pattern")
-    shaders.check(system.projector, fringes)
+    shaders.check_pinhole(system.projector, fringes)
     frames = []
     with _staged(mesh, system, albedo, white_at, samples) as (_, lamp, shoot):
         for fringe in fringes:
@@ -120,7 +120,7 @@ def _staged(mesh, system: System, albedo, white_at: float, samples: int) -> Iter
     Yields ``bpy``, the lamp, and the function of `studio.opened` that photographs.
     """
     check_mesh(mesh, "mesh")
-    shaders.check(system.projector)
+    shaders.check_pinhole(system.projector)
     positive("white_at", white_at, "mm")
     if callable(albedo):
         raise ValueError(
