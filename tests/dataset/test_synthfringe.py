@@ -177,3 +177,18 @@ def test_the_threshold_is_the_modulation_of_the_mask(small_set):
 def test_extremes_of_another_dataset_may_be_an_array(small_set):
     data = SynthFringe(small_set, "test", extremes=np.array([0, 100]))
     assert data.extremes == (0.0, 100.0)
+
+
+def test_texture_is_darker_by_its_contrast_in_half_of_the_pixels():
+    plain, blotched = (SynthFringe("data/tiny", "test", texture=c) for c in (0.0, 0.4))
+    shares = []
+    for k in range(3):
+        one, other = plain[k], blotched[k]
+        both = (one["mask"] & other["mask"]).numpy()
+        ratio = (other["modulation"] / one["modulation"]).numpy()[both]
+        dark = np.abs(ratio - 0.6) < 0.05
+        assert (dark | (np.abs(ratio - 1) < 0.05)).all()
+        shares.append(dark.mean())
+        same = blotched[k]  # in every epoch
+        assert (same["modulation"] == other["modulation"]).all()
+    assert 0.3 < np.mean(shares) < 0.7
