@@ -31,10 +31,10 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 SRC = Path("src/fpputil")
 USERS = {  # packages whose tests are run, a package's own first
-    "optics": ("optics", "decoding", "calibration", "capture"),
-    "decoding": ("decoding", "capture"),
-    "calibration": ("calibration", "capture"),
-    "capture": ("capture",),
+    "optics": ("optics", "decoding", "calibration", "capture", "cli"),
+    "decoding": ("decoding", "capture", "cli"),
+    "calibration": ("calibration", "capture", "cli"),
+    "capture": ("capture", "cli"),
 }
 SLOW = {"blender"}  # folders that only slow tests reach
 # Left out: operators that need arguments, and those after which numbers raise at once.

@@ -31,6 +31,8 @@ def coded(pitch=19, kind="complementary", steps=4, **more):
     return Patterns(PROJECTOR, fringes, "gray", **more)
 
 
+LYING = (Fringe(19, 4, "row"), gray_code(19, H, axis="row"))
+ROWS = Patterns(PROJECTOR, LYING, "gray")
 ALONE = Patterns(PROJECTOR, (GrayCode(1, 10),), "gray", **PLAIN)
 NEGATIVES = Patterns(PROJECTOR, (GrayCode(1, 10, inverse=True),), "gray")
 
@@ -53,7 +55,7 @@ def taken(tmp_path, view, photographs):
         for name, frame in frames.items():
             cv2.imwrite(str(tmp_path / name), frame)
         capture = open_capture(tmp_path, given or patterns)
-        result = measure(capture)
+        result = measure(capture, capture.patterns.axes[0])
         return result, diagnose(result, capture)
 
     return take
@@ -138,7 +140,9 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(
-    "patterns", [*(coded(kind=kind) for kind in KINDS), ALONE], ids=[*KINDS, "alone"]
+    "patterns",
+    [*(coded(kind=kind) for kind in KINDS), ROWS, ALONE],
+    ids=[*KINDS, "rows", "alone"],
 )
 def test_faults_of_the_code_are_named(taken, patterns):
     for change, said in FAULTS:

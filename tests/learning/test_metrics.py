@@ -45,6 +45,15 @@ def test_means_and_medians(scale, number):
         assert found[f"median_{unit}"] == pytest.approx(np.median(size), rel=off)
 
 
+def test_a_median_lies_inside_its_class_of_errors():
+    """A class is half a percent wide; among many errors the place in it is told, too."""
+    for low, high in ((0.5, 0.9), (0.1, 0.1013), (2.0, 2.3)):
+        e = np.linspace(low, high, 200_001)
+        assert values_of(score_of((0, view(e))))["median_rad"] == pytest.approx(
+            (low + high) / 2, rel=2e-5
+        )
+
+
 @pytest.mark.parametrize("e", [0.0, 1e-6, 1e-5, 0.02, 7.0, 999.0])
 def test_a_median_of_equal_errors_is_that_error(e):
     found = values_of(score_of((0, view(np.full(7, e)))))
