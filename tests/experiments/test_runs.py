@@ -20,6 +20,7 @@ from fpputil.experiments import runs as results
 from fpputil.experiments.error_analysis import DISTANCES, ErrorAnalysis
 from fpputil.experiments.statistics import IN_RANGE
 from fpputil.learning.evaluation import evaluate, open_split
+from fpputil.learning.loaders import spread
 from fpputil.learning.weights import load_weights
 
 
@@ -94,6 +95,16 @@ def test_darkness_hides_no_pixel(found):
     assert (numbers["a quarter as bright"] == numbers["as trained"]).all()
     errors = [run["conditions"][k]["measures"]["mae_rad"][0] for k in ("as trained", "noise 8")]
     assert errors[0] != errors[1]
+
+
+def test_texture_changes_surface_and_truth(found, small_set):
+    run = json.loads((found / "tiny" / "sfnet.json").read_text())
+    trained = load_weights(weights_of(found, "sfnet"))
+    plain, printed = (open_split(trained, small_set, "test", texture=t) for t in (0.0, 0.5))
+    (view,) = spread(plain, 1)
+    before, after = (int(data[view]["mask"].sum()) for data in (plain, printed))
+    ((number, *_),) = run["conditions"]["texture 0.5"]["sums"]["rad"]
+    assert number == after < before
 
 
 def test_pictures_are_errors_of_test_views(found, small_set):
