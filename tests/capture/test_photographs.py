@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fpputil.capture.files.images import read_pixels
 from fpputil.capture.patterns import Patterns
 from fpputil.capture.photographs import open_capture, read_photograph
 from fpputil.optics.fringes import Fringe
@@ -133,3 +134,15 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, suffix, data):
         assert read_photograph(path).ndim == 2
     except ValueError as error:
         assert str(path) in str(error)
+
+
+def test_a_segment_of_a_jpeg_that_tells_no_size_is_passed_over(tmp_path):
+    """Conditions of arithmetic coding, whose marker lies among those of sizes: 61441 x 61456."""
+    image = np.linspace(0, 255, 48 * 64).reshape(48, 64).astype(np.uint8)
+    data = cv2.imencode(".jpg", image)[1].tobytes()
+    start = data.index(b"\xff\xda")
+    segment = bytes([0xFF, 0xCC, 0, 8, 0x00, 0xF0, 0x01, 0xF0, 0x10, 0x05])
+    (tmp_path / "a.jpg").write_bytes(data)
+    (tmp_path / "b.jpg").write_bytes(data[:start] + segment + data[start:])
+    one, other = (read_pixels(tmp_path / name) for name in ("a.jpg", "b.jpg"))
+    assert one.shape == (48, 64) and np.array_equal(one, other)
