@@ -1,6 +1,6 @@
 """A projector of which only one coordinate is known: fringes along one axis (chapter 12).
 
-Of the three rows of a projection matrix (Eq. 8) a column needs the first and the third alone. So
+Of the three rows of a projection matrix (paper, Eq. 8) a column needs the first and the third. So
 columns tell the projector's turn, its focal length, and its place but for a move along its own
 columns; a row tells nothing more of depth, and its focal length and place are assumed.
 """

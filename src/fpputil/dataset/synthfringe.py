@@ -29,13 +29,13 @@ class SynthFringe(Dataset):
     ============ ============ ======= =========================================================
     frames       (F, H, W)    float32 photographs, 0 to 1 by the extremes of the training split
     M, D         (4, H, W)    float32 ``-sin(phi)`` and ``cos(phi)`` of `FREQUENCIES`
-    M_r, D_r     (H, W)       float32 the same of the refined reference (Eq. 11)
+    M_r, D_r     (H, W)       float32 the same of the refined reference (paper, Eq. 11)
     phi_r        (H, W)       float32 refined reference, radians
     Phi          (H, W)       float32 absolute phase of the high pitch by MF-TPU, radians
     Phi_true     (H, W)       float32 the same from the geometry, radians
     depth        (H, W)       float32 mm
     modulation   (H, W)       float32 of the high pitch, grey levels
-    mask         (H, W)       bool    modulation above the threshold (Eq. 16), and lit
+    mask         (H, W)       bool    modulation above the threshold (paper, Eq. 16), and lit
     index, model ()           int64   number of the view and of its model in the dataset
     ============ ============ ======= =========================================================
 

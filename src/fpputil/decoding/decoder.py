@@ -42,7 +42,7 @@ def decode(
     sigma_phi: float = 0.0,
     out: Decoded | None = None,
 ) -> Decoded:
-    """Decode a set of fringes by multi-frequency temporal unwrapping (Eq. 3, 7, 16). Chapter 4.
+    """Decode fringes by multi-frequency temporal unwrapping (paper, Eq. 3, 7, 16). Chapter 4.
 
     float64 frames are decoded in float64 by the equations themselves; all others in float32
     by a compiled kernel that reads each frame once.

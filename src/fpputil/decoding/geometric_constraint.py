@@ -1,4 +1,4 @@
-"""Minimum phase and refined reference: fringe order without a unit frequency (Eq. 8-11; chapter 5).
+"""Minimum phase, refined reference: order without a unit frequency (paper, Eq. 8-11; chapter 5).
 
 The equations take NumPy arrays or torch tensors; the phases of the geometry are NumPy.
 """
@@ -15,7 +15,7 @@ from fpputil.optics.system import System
 def minimum_phase(
     system: System, pitch: float, *, centred: bool = True, ambiguous: bool = False
 ) -> np.ndarray:
-    """Phi_min: the least absolute phase within the measuring range (Eq. 8). Chapter 5.
+    """Phi_min: the least absolute phase within the measuring range (paper, Eq. 8). Chapter 5.
 
     It is the smaller of the phases on the planes z_min and z_max; which one that is depends
     on the side on which the projector stands.
@@ -96,7 +96,7 @@ def depth_range(system: System, pitch: float, z: float) -> np.ndarray:
 
 
 def zmin_order(phi_z, Phi_min):
-    """K_z = ceil((Phi_min - phi_z) / 2 pi) (Eq. 9). Chapter 5.
+    """K_z = ceil((Phi_min - phi_z) / 2 pi) (paper, Eq. 9). Chapter 5.
 
     Of the wrapped and the minimum phase of the low pitch, (...), radians.
 
@@ -107,12 +107,12 @@ def zmin_order(phi_z, Phi_min):
 
 
 def refined_reference(Phi_t, K_z, pitch_t: float, pitch_z: float):
-    """Refined wrapped reference and its components (Eq. 10, 11). Chapter 5.
+    """Refined wrapped reference and its components (paper, Eq. 10, 11). Chapter 5.
 
     Parameters
     ----------
     Phi_t : (...) array
-        Absolute phase of the mid pitch from multi-frequency unwrapping (Eq. 10), radians.
+        Absolute phase of the mid pitch from multi-frequency unwrapping (paper, Eq. 10), radians.
     K_z : (...) array
         Fringe order of the low pitch from the minimum phase.
     pitch_t, pitch_z : float
@@ -136,7 +136,7 @@ def refined_reference(Phi_t, K_z, pitch_t: float, pitch_z: float):
 
 
 def two_phase_absolute(phi_h, phi_z, Phi_min, pitch_h: float, pitch_z: float):
-    """Phi of the high pitch from two wrapped phases and the minimum phase (Eq. 9, 6). Chapter 5.
+    """High pitch's Phi by two wrapped phases and the minimum phase (paper, Eq. 9, 6). Chapter 5.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Phase shifting: frames to wrapped phase, modulation and mask (Eq. 2, 3, 16; chapter 3).
+"""Phase shifting: frames to wrapped phase, modulation and mask (paper, Eq. 2, 3, 16; chapter 3).
 
 Every function takes NumPy arrays or torch tensors and returns the same kind.
 """
@@ -12,7 +12,7 @@ THRESHOLD = 8.0  # grey levels of modulation, the paper's choice below Eq. 16
 
 
 def numerator_denominator(frames):
-    """M = sum I_n sin(delta_n) and D = sum I_n cos(delta_n) (Eq. 3). Chapter 3.
+    """M = sum I_n sin(delta_n) and D = sum I_n cos(delta_n) (paper, Eq. 3). Chapter 3.
 
     Of frames (N, ...) of one fringe, N at least 3, equally shifted over a period: M and D, (...),
     float32 for float32 frames, float64 for all others.
@@ -30,7 +30,7 @@ def numerator_denominator(frames):
 
 
 def wrapped_phase(M, D):
-    """phi = -atan2(M, D) in radians, between -pi and pi (Eq. 3). Chapter 3.
+    """phi = -atan2(M, D) in radians, between -pi and pi (paper, Eq. 3). Chapter 3.
 
     >>> wrapped_phase(np.array([-1.0, 0.0]), np.array([0.0, -1.0])).round(3)
     array([ 1.571, -3.142])
@@ -39,7 +39,7 @@ def wrapped_phase(M, D):
 
 
 def modulation(M, D, steps: int):
-    """I'' = 2/N sqrt(M^2 + D^2), grey levels (Eq. 16). Chapter 3.
+    """I'' = 2/N sqrt(M^2 + D^2), grey levels (paper, Eq. 16). Chapter 3.
 
     >>> modulation(np.array([30.0]), np.array([40.0]), steps=4)
     array([25.])
@@ -48,7 +48,7 @@ def modulation(M, D, steps: int):
 
 
 def average(frames):
-    """I', the mean of the frames over the steps: the picture without fringes (Eq. 2).
+    """I', the mean of the frames over the steps: the picture without fringes (paper, Eq. 2).
 
     >>> average(np.array([[10, 20], [30, 40], [50, 60]], np.uint8))
     array([30., 40.])
@@ -58,7 +58,7 @@ def average(frames):
 
 
 def mask(modulation_high, threshold: float = THRESHOLD):
-    """True where the modulation of the high-frequency fringe exceeds the threshold (Eq. 16)."""
+    """True where the modulation of the high frequency exceeds the threshold (paper, Eq. 16)."""
     return modulation_high > threshold
 
 

@@ -34,7 +34,7 @@ class Intersection(NamedTuple):
 
 
 def column(Phi, pitch: float):
-    """Projector column of an absolute phase: i = Phi pitch / 2 pi, pixels (Eq. 5).
+    """Projector column of an absolute phase: i = Phi pitch / 2 pi, pixels (paper, Eq. 5).
 
     >>> column(np.array([0.0, 2 * np.pi]), 24)
     array([ 0., 24.])
@@ -125,7 +125,7 @@ def intersect(column, row, system: System, sigma=(1.0, 1.0)) -> Intersection:
 
 
 def points_of(Phi, pitch: float, system: System, mask=None) -> np.ndarray:
-    """Points of an absolute phase within the measuring range (Eq. 5). Chapter 6.
+    """Points of an absolute phase within the measuring range (paper, Eq. 5). Chapter 6.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Unwrapping: wrapped to absolute phase (Eq. 4-7; chapter 4).
+"""Unwrapping: wrapped to absolute phase (paper, Eq. 4-7; chapter 4).
 
 Functions of several frequencies take lists of phases (H, W) in radians and of pitches in
 projector pixels. All but `nt_tpu` and `spatial` work on NumPy arrays and torch tensors alike.
@@ -28,7 +28,7 @@ def wrap(phase):
 
 
 def absolute_phase(phi, K):
-    """Phi = phi + 2 pi K (Eq. 4).
+    """Phi = phi + 2 pi K (paper, Eq. 4).
 
     >>> absolute_phase(np.array([0.5]), 3).round(3)
     array([19.35])
@@ -37,10 +37,10 @@ def absolute_phase(phi, K):
 
 
 def fringe_order(phi, Phi_ref, ratio: float):
-    """K = round((ratio Phi_ref - phi) / 2 pi) (Eq. 6, 7). Chapter 4.
+    """K = round((ratio Phi_ref - phi) / 2 pi) (paper, Eq. 6, 7). Chapter 4.
 
     Of the wrapped phase of the shorter pitch and the absolute one of the longer, (...), radians;
-    `ratio` is the longer over the shorter pitch (Eq. 5).
+    `ratio` is the longer over the shorter pitch (paper, Eq. 5).
 
     >>> Phi_ref = 2 * np.pi * np.array([10.0, 400.0]) / 912  # columns 10 and 400 at pitch 912
     >>> phi = wrap(2 * np.pi * np.array([10.0, 400.0]) / 15)  # and at pitch 15
@@ -90,7 +90,7 @@ def guard_columns(sigma_phi: float, width: float) -> float:
 
 
 def mf_tpu(phis, pitches, width: float):
-    """Multi-frequency temporal unwrapping over two or more frequencies (Eq. 4-7). Chapter 4.
+    """Multi-frequency temporal unwrapping over two or more frequencies (paper, Eq. 4-7). Chapter 4.
 
     Parameters
     ----------

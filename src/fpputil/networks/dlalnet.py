@@ -65,12 +65,12 @@ class DLALNetMethod(Method):
         return DLALNet(self.base, self.levels, self.dropout, self.normalised, extra)
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
-        """phi of the high and of the unit pitch, radians, of outputs (B, 3, 2, ...) (Eq. 3)."""
+        """phi of high and unit pitch, radians, of outputs (B, 3, 2, ...) (paper, Eq. 3)."""
         phis = _wrapped(outputs)
         return phis["high"], phis["unit"]
 
     def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
-        """Phi of the high pitch, radians, by three-frequency unwrapping (Eq. 4-7)."""
+        """Phi of the high pitch, radians, by three-frequency unwrapping (paper, Eq. 4-7)."""
         return geometry.from_frequencies(_wrapped(outputs))
 
     def phase_in_range(self, outputs: Tensor, geometry: Geometry) -> Tensor:

@@ -70,7 +70,7 @@ class Geometry:
         return replace(self, Phi_min=lowest, **moved)
 
     def absolute_phase(self, phi_h, phi, Phi_min, name: str = "zmin"):
-        """Phi of the high pitch from its wrapped phase and that of a lower one, by name (Eq. 9, 6).
+        """Phi of the high pitch from its phase and a lower one's, by name (paper, Eq. 9, 6).
 
         The minimum phase of the lower is given, as the phases need not be whole pictures.
         """
@@ -101,7 +101,7 @@ class Geometry:
         return absolute_phase(phi_h, zmin_order(phi_h, self.Phi_min["high"]))
 
     def from_frequencies(self, phis: dict[str, Tensor]):
-        """Phi of the high pitch by multi-frequency unwrapping of phases by name (Eq. 4-7)."""
+        """Phi of the high pitch by multi-frequency unwrapping, by name (paper, Eq. 4-7)."""
         names = sorted(phis, key=lambda k: -getattr(self.pitches, k))
         pitches = [getattr(self.pitches, k) for k in names]
         return mf_tpu([phis[k] for k in names], pitches, self.system.projector.width)[-1]

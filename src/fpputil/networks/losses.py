@@ -1,4 +1,4 @@
-"""The losses of SFNet, of predicted against true phases inside the mask (Eq. 12-15; chapter 8).
+"""The losses of SFNet: predicted against true phases in the mask (paper, Eq. 12-15; chapter 8).
 
 Everything is computed on the pixels of the mask alone, gathered first: a NaN or a wild number
 outside it can then reach neither a loss nor a gradient. Each loss is one number an image, (B,),
@@ -89,7 +89,7 @@ def mean_absolute(pixels: Pixels, predicted: Tensor, true: Tensor) -> Tensor:
 
 
 def consistency(pixels: Pixels, phi: Tensor, Phi: Tensor) -> Tensor:
-    """Squared difference of gradients, wrapped phi (P,) against true Phi (P,) (Eq. 13). Chapter 8.
+    """Squared difference of gradients of phi (P,) and true Phi (P,) (paper, Eq. 13). Chapter 8.
 
     A wrapped phase jumps, so the difference of the gradients is taken modulo 2 pi; that is the
     difference of the errors of neighbours. It needs both of them inside the mask.
@@ -104,7 +104,7 @@ def consistency(pixels: Pixels, phi: Tensor, Phi: Tensor) -> Tensor:
 
 
 def geometric(pixels: Pixels, Phi: Tensor, *, mean: bool = False) -> Tensor:
-    """Squared differences of neighbouring predicted phases Phi (P,) (Eq. 14). Chapter 8.
+    """Squared differences of neighbouring predicted phases Phi (P,) (paper, Eq. 14). Chapter 8.
 
     Printed with the true phase, which would be a constant; the predicted one is meant.
 
@@ -124,7 +124,7 @@ def geometric(pixels: Pixels, Phi: Tensor, *, mean: bool = False) -> Tensor:
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the three losses, and our readings of them (Eq. 15). Chapter 8.
+    """Weights of the three losses, and our readings of them (paper, Eq. 15). Chapter 8.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class Weights:
             not_negative(f"weight of the {name} loss", getattr(self, name))
 
     def losses(self, pixels: Pixels, components, targets, phi_h, Phi_predicted, Phi) -> dict:
-        """Each loss by name and their weighted "total", (B,) each (Eq. 12-15).
+        """Each loss by name and their weighted "total", (B,) each (paper, Eq. 12-15).
 
         All are (P,): components and targets, sequences of what the network put out and should
         have (M and D of both pitches), predicted phi_h, predicted and true Phi.

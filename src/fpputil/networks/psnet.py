@@ -107,7 +107,7 @@ class PSNetMethod(Method):
         return phase_of(outputs[:, 0]), phase_of(outputs[:, 1])
 
     def absolute_phase(self, outputs: Tensor, geometry: Geometry) -> Tensor:
-        """Phi of the high pitch, radians, by two-frequency unwrapping (Eq. 4-7)."""
+        """Phi of the high pitch, radians, by two-frequency unwrapping (paper, Eq. 4-7)."""
         high, unit = self.phases(outputs)
         return geometry.from_frequencies({"high": high, "unit": unit})
 

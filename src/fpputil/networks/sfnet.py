@@ -177,7 +177,7 @@ class SFNetMethod(Method):
         return placed(frames, encoders=2) if self.coordinates else frames
 
     def phases(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
-        """phi_h and phi_r, radians, of outputs (B, 2, 2 or 1, ...), each (B, ...) (Eq. 3)."""
+        """phi_h, phi_r, radians, (B, ...) each, of outputs (B, 2, 2 or 1, ...) (paper, Eq. 3)."""
         if self.target == "phase":
             return outputs[:, 0, 0], outputs[:, 1, 0]
         return tuple(wrapped_phase(outputs[:, k, 0], outputs[:, k, 1]) for k in (0, 1))
@@ -203,7 +203,7 @@ class SFNetMethod(Method):
         return geometry.absolute_phase(phi_h, phi, Phi_min, name)
 
     def losses(self, outputs: Tensor, batch: dict, geometry: Geometry) -> dict[str, Tensor]:
-        """Losses of each image by name (Eq. 12-15)."""
+        """Losses of each image by name (paper, Eq. 12-15)."""
         pixels = Pixels.of(batch["mask"])
         inside = pixels.of_images(outputs)  # (P, 2, 2 or 1)
         phi_h, phi = self.phases(inside)

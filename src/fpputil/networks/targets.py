@@ -78,7 +78,7 @@ def placed(frames: Tensor, encoders: int = 1) -> Tensor:
 
 
 def fringes_of(batch: dict, name: str, steps: int, geometry: Geometry | None = None) -> Tensor:
-    """Fringes of all steps of a frequency, (B, steps, H, W), -1 to 1 wherever it is lit (Eq. 1).
+    """Fringes of all steps of a frequency, (B, steps, H, W), -1 to 1 where lit (paper, Eq. 1).
 
     With M and D of unit length step n is ``D cos(delta_n) + M sin(delta_n)``.
     """
@@ -88,7 +88,7 @@ def fringes_of(batch: dict, name: str, steps: int, geometry: Geometry | None = N
 
 
 def noiseless(batch: dict, name: str, steps: int, geometry: Geometry) -> Tensor:
-    """Photographs of all steps of a frequency, on the scale of the inputs (Eq. 1). Chapter 9.
+    """Photographs of all steps of a frequency, scaled as the inputs (paper, Eq. 1). Chapter 9.
 
     With M and D of unit length and modulation B, step n is
     ``B (1 + D cos(delta_n) + M sin(delta_n))``: (B, steps, H, W) without noise, saturation and
@@ -120,7 +120,7 @@ def true_reference(method, item: dict):
 
 
 def phase_of(frames: Tensor) -> Tensor:
-    """Wrapped phase (B, ...) of predicted photographs (B, N, ...), radians (Eq. 2, 3).
+    """Wrapped phase (B, ...) of predicted photographs (B, N, ...), radians (paper, Eq. 2, 3).
 
     >>> delta = TWO_PI * torch.arange(5) / 5
     >>> phase_of(0.5 + 0.5 * torch.cos(1.25 + delta)[None])

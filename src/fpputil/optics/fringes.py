@@ -1,4 +1,4 @@
-"""Fringe patterns: what the projector shows (Eq. 1; chapter 1)."""
+"""Fringe patterns: what the projector shows (paper, Eq. 1; chapter 1)."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ WHITE = 255.0
 
 @dataclass(frozen=True)
 class Fringe:
-    """One phase-shifted set of sinusoidal patterns (Eq. 1).
+    """One phase-shifted set of sinusoidal patterns (paper, Eq. 1).
 
     ``I_n = 255/2 (1 + cos(2 pi i / pitch + delta_n))`` with ``delta_n = start + 2 pi n / steps``,
     ``n = 0 .. steps-1`` and ``i`` the projector column (or row). Chapter 1.

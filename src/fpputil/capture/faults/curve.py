@@ -43,7 +43,7 @@ LINEAR = 0.04  # a gamma as near to 1 leaves a second harmonic of one hundredth
 class Fit(NamedTuple):
     """The curve through the photographs of a fringe, at each pixel; all (H, W) float32 arrays.
 
-    `wrapped` phi, radians (Eq. 3); `modulation` I'' (Eq. 16) and `average` I' (Eq. 2), grey levels
+    `wrapped` phi, radians; `modulation` I'' and `average` I', grey levels (paper, Eq. 2, 3, 16)
     of 255; `residual`, the variance about the curve with its degrees of freedom, grey levels
     squared, 0 where there are none; `clipped`, the photographs in which the camera was saturated;
     `slope`, the modulation of the sinusoid that noise turns as much: the modulation itself, but

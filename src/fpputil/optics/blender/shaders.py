@@ -93,7 +93,7 @@ def throw(light, pinhole: Pinhole, image: Callable) -> None:
 
 
 def pattern(fringe: Fringe) -> Callable:
-    """What `throw` needs for a fringe (Eq. 1). Its node "shift" holds n / N, the share of a turn.
+    """What `throw` needs for a fringe (paper, Eq. 1). Its node "shift" holds n / N of a turn.
 
     The values are float32: one halfway between two grey levels may go either way.
     """
