@@ -56,6 +56,7 @@ def test_exact_points_give_exact_depth(hung, axis):
     np.testing.assert_allclose(fit.R, system.projector.R, atol=1e-7)
     seen = [AXES.index(axis), 2]
     np.testing.assert_allclose(fit.t[seen], system.projector.t[seen], atol=1e-4)
+    assert fit.lenses[1, 2 + other] == (SIZE[other] - 1) / 2  # assumed in the middle
     assert fit.t[other] == 0 == fit.sigma[f"projector {('fx', 'fy')[other]}"]
     assert fit.errors.max() < 1e-5
 

@@ -192,3 +192,19 @@ def test_every_finding_says_what_to_do():
     assert set(SEVERE) < set(FINDINGS)
     for message, remedy in FINDINGS.values():
         assert message and remedy and not message.endswith(".") and not remedy.endswith(".")
+
+
+def test_square_fringes_of_one_pitch_hide_no_clipping_of_another(diagnosed):
+    def change(frames):
+        coarse, fine = ({k: f for k, f in frames.items() if f"-{p}-" in k} for p in (912, 18))
+        low, high = (reach([*coarse.values()], axis=0) for reach in (np.min, np.max))
+        square = {k: np.where(f > (low / 2 + high / 2), high, low) for k, f in coarse.items()}
+        top = np.max([*fine.values()], axis=0) * 0.7
+        return frames | square | {k: np.minimum(f, top).astype(f.dtype) for k, f in fine.items()}
+
+    assert "clipped" in diagnosed(Patterns(PROJECTOR, fringe_set((912, 114, 18), 10)), change)
+
+
+def test_in_the_dark_no_response_is_told(diagnosed):
+    codes = diagnosed(Patterns(PROJECTOR, fringe_set((912, 114, 18), 3)), gain=0.09)
+    assert "response" not in codes and "dark" in codes
