@@ -131,5 +131,16 @@ def test_figures_of_the_paper_are_called_by_their_number(cells):
         assert not re.search(r"paper's [Ff]ig(\.|ure) (?!\d)", caption), caption
 
 
+@pytest.mark.parametrize("path", [*CHAPTERS, ROOT / "book/index.ipynb"], ids=lambda path: path.stem)
+def test_what_moves_is_stored_with_the_code_of_today(path):
+    """The outputs are compared without it, and pages of stored outputs run it."""
+    runtime = (ROOT / "src/fpputil/interactive/runtime.js").read_text(encoding="utf-8")
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        for output in cell.get("outputs", ()):
+            html = "".join(output.get("data", {}).get("text/html", ""))
+            stored = re.findall(r"<script data-fpp-runtime>(.*?)</script>", html, re.DOTALL)
+            assert set(stored) <= {runtime}, source(cell)
+
+
 def test_size(path):
     assert path.stat().st_size < 3_000_000

@@ -51,6 +51,6 @@ return {
   ],
   numbers: {
     "phase found": [length < threshold ? NaN : found, "rad"], "true phase": [truth, "rad"], modulation: [length, "grey levels"],
-    "spread of 200": [spread, "rad"], "sigma sqrt(2/N) / B": [(sigma * Math.sqrt(2 / N)) / length, "rad"],
+    "spread of 200": [spread, "rad"], "σ √(2/N) / B": [(sigma * Math.sqrt(2 / N)) / length, "rad"],
   },
 };
