@@ -1,4 +1,4 @@
-/* Pictures open large, arrow keys turn pages, a term shows its definition. */
+/* Pictures open large, arrow keys turn pages, a term shows its definition, cells know their heads. */
 (() => {
   "use strict";
   // --- pictures ----------------------------------------------------------------------------
@@ -75,7 +75,18 @@
     link.addEventListener("keydown", (e) => { if (e.key === "Escape") tip.hidden = true; });
   }
 
+  // --- tables of sentences: each cell knows its heading, for a narrow page ----------------
+  function nameCells() {
+    for (const table of document.querySelectorAll("article table:not(.fpp-live table)")) {
+      const cells = [...table.querySelectorAll("tbody td")], heads = table.querySelectorAll("thead th");
+      if (heads.length < 3 || cells.every((cell) => cell.textContent.length <= 50)) continue;
+      table.classList.add("fpp-prose");
+      for (const cell of cells) cell.dataset.head = heads[cell.cellIndex].textContent;
+    }
+  }
+
   offerPictures();
   hintKeys();
+  nameCells();
   document.querySelectorAll("a.fpp-term").forEach(explain);
 })();

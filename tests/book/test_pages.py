@@ -29,14 +29,13 @@ def faults(browser, path, width=1400, scheme="light"):
     page.on("pageerror", lambda error: found.append(f"error: {error}"))
     page.on("requestfailed", lambda request: found.append(f"failed: {request.url}"))
     page.goto(path.as_uri(), wait_until="load")
-    if width > 400:
-        found += unread(page)
+    found += unread(page)
     for button in page.query_selector_all(".fpp-show"):  # a figure may be the answer
         button.click()
     figures = page.query_selector_all(".fpp-live")
     for root in figures:
         found += played(page, root)
-    if figures and page.evaluate(WIDER):
+    if page.evaluate(WIDER):
         found.append("wider than the window")
     context.close()
     return found, len(figures)
@@ -88,14 +87,12 @@ def test_the_front_page_leads_to_the_landing_page(html, browser):
 
 @pytest.mark.parametrize("width, scheme", [(1400, "light"), (400, "dark")])
 def test_every_page(html, pages, browser, width, scheme):
-    """On a phone, those with figures to play with, and these alone."""
     wrong, number = {}, 0
     for path in pages:
-        if width > 400 or 'class="fpp-live"' in path.read_text(encoding="utf-8"):
-            found, figures = faults(browser, path, width, scheme)
-            number += figures
-            if found:
-                wrong[str(path.relative_to(html))] = found
+        found, figures = faults(browser, path, width, scheme)
+        number += figures
+        if found:
+            wrong[str(path.relative_to(html))] = found
     assert not wrong and number >= 16
 
 

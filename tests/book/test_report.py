@@ -22,6 +22,7 @@ def test_a_pixel_that_is_pointed_at_is_marked_in_all_panels(browser, decoded):
     page = browser.new_page(viewport={"width": 1200, "height": 1000})
     faults = []
     page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
     page.on("request", lambda r: faults.append(r.url) if r.url.startswith("http") else None)
     page.goto((decoded.out / "report.html").as_uri())
     page.wait_for_selector(".fpp-live[data-on=yes]")

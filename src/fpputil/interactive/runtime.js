@@ -169,7 +169,7 @@
         inside.append(svg("path", { d, fill: "none", stroke: "currentColor", "stroke-width": m.width || 1.5, ...style }));
       } else if (m.dots) {
         const group = svg("g", { fill: "currentColor", ...style });
-        for (let k = 0; k < m.dots[0].length; k++) group.append(svg("circle", { cx: X(m.dots[0][k]).toFixed(1), cy: Y(m.dots[1][k]).toFixed(1), r: m.radius || 3 }));
+        for (let k = 0; k < m.dots[0].length; k++) if (Number.isFinite(m.dots[1][k])) group.append(svg("circle", { cx: X(m.dots[0][k]).toFixed(1), cy: Y(m.dots[1][k]).toFixed(1), r: m.radius || 3 }));
         inside.append(group);
       } else if (m.handle) {  // to be dragged: move names the sliders that x and y set
         const [cx, cy] = [X(m.handle[0]), Y(m.handle[1])];
