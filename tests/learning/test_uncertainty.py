@@ -85,6 +85,12 @@ def test_a_network_is_calibrated_on_one_split_and_judged_on_another(small_set, t
     assert 0 < found["coverage_68"] < found["coverage_95"] <= 1
     assert found["mae"][0] == pytest.approx(found["mae_best"][0]) and found["mae"][0] > 0
     assert all(a >= b for a, b in zip(found["mae"], found["mae_best"], strict=True))
+    doubts, errors = seen.together
+    for share, mae, best in zip(KEPT, found["mae"], found["mae_best"], strict=True):
+        number = round(share * pixels)
+        sure = np.argsort(doubts, kind="stable")[:number]
+        assert mae == pytest.approx(errors[sure].mean())
+        assert best == pytest.approx(np.sort(errors)[:number].mean())
     assert found["mae_best"] == sorted(found["mae_best"], reverse=True)
     path = tmp_path / "mine.safetensors"
     save_weights(path, trained)

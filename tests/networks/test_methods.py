@@ -343,6 +343,16 @@ def test_losses_of_fringes_against_loops(small_set, method):
             assert found["steps"][k].item() == pytest.approx(np.mean(steps), rel=1e-5)
 
 
+def test_the_scale_of_the_inputs_is_that_of_the_targets(small_set):
+    """Grey levels are the same, whichever of them is 0 and which 1."""
+    geometry, batch = batch_of(small_set, ALL["psnet"], number=1)
+    greys = []
+    for low, high in (geometry.extremes, (20.0, 220.0)):
+        made = noiseless(batch, "high", 5, replace(geometry, extremes=(low, high)))
+        greys.append(low + (high - low) * made)
+    torch.testing.assert_close(*greys)
+
+
 def test_coordinates_are_columns_then_rows_from_edge_to_edge():
     frames = torch.zeros(1, 1, 3, 5)
     _, column, row = placed(frames)[0]
