@@ -146,3 +146,9 @@ def test_texture_darkens_blotches_and_keeps_the_surface(small_set):
     for wrong in (1.0, -0.1):
         with pytest.raises(ValueError, match=f"texture {wrong} given"):
             SynthFringe(small_set, "training", texture=wrong)
+
+
+def test_edges_are_those_of_white_light_which_is_twice_as_bright():
+    step = np.repeat([[60.0] * 6 + [45.0] * 6], 8, axis=0)  # 30 grey levels, four pixels' worth
+    assert np.flatnonzero(edges_of(step)[4]).tolist() == [5]
+    assert not edges_of(step / 2).any()
