@@ -1,6 +1,8 @@
 """`fpp predict`, as a user types it: what it writes and warns of, and what it leaves behind."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -132,6 +134,20 @@ def test_swapped_photographs_are_measured_only_if_accepted(shot, capsys):
     assert "of the pixels with fringes have no depth of 480 to 820 mm" in about["warnings"][-1]
     assert said.err == "".join(f"warning: {w}\n" for w in about["warnings"])
     assert about["points"] < 0.5 * about["mask"]
+
+
+@pytest.mark.parametrize("share", [0.2, 0.6])
+def test_points_outside_the_range_are_told_and_from_half_on_an_error(
+    shot, sphere_view, tiny, share, capsys
+):
+    z_max = float(np.nanquantile(sphere_view.depth, 1 - share))
+    replace(tiny.system, z_max=z_max).save("short.json")
+    assert call("high.png", "low.png", system="short.json") == (share > 0.5)
+    said = capsys.readouterr().err
+    told = float(re.search(r"(\d+)% of the pixels with fringes have no depth", said)[1]) / 100
+    assert told == pytest.approx(share, abs=0.06)
+    assert Path("out").exists() == (share < 0.5)
+    assert call("high.png", "low.png", system="short.json", out="two", more=["--accept"]) == 0
 
 
 @pytest.mark.parametrize(
