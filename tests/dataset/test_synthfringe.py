@@ -96,6 +96,10 @@ def test_photographs_are_normalised_by_the_training_extremes(small_set):
     training = SynthFringe(small_set, "training", frames=(("unit", 15, 0), ("high", 15, 0)))
     values = torch.stack([item["frames"] for item in training])
     assert values.min() == 0 and 0.8 < values.max() <= 1
+    other = SynthFringe(small_set, "training", extremes=(20.0, 220.0))
+    grey = 20 + 200 * other[0]["frames"]
+    low, high = training.extremes
+    torch.testing.assert_close(grey[0], low + (high - low) * training[0]["frames"][1])
 
 
 @pytest.mark.parametrize("workers", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])

@@ -50,6 +50,7 @@ def test_loaders(small_set):
     seen = [b["index"].tolist() for b in loader]
     assert seen == [data.indices[b].tolist() for b in batches]
     assert spread(data, 4) == [0, 5, 10, 15] and spread(data, 1) == [0]
+    assert spread(range(6), 4) == [0, 2, 3, 5]  # 1.67 and 3.33 in between
     assert spread(data, 16) == spread(data, 99) == list(range(16))
     with pytest.raises(ValueError, match="views 0 given"):
         spread(data, 0)
