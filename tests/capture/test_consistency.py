@@ -11,9 +11,13 @@ from fpputil.capture.faults.consistency import (
     misfits,
 )
 from fpputil.capture.patterns import Patterns
+from fpputil.optics import shapes
 from fpputil.optics.fringes import Fringe, fringe_set
+from fpputil.optics.parts import part
+from fpputil.optics.raycasting import raycast
+from fpputil.optics.system import preset
 
-PROJECTOR = (912, 1140)
+PROJECTOR, SYSTEM = (912, 1140), preset("small").system
 LIGHTS = {
     "linear": lambda c: (1 + c) / 2,
     "gamma 2.2": lambda c: ((1 + c) / 2) ** 2.2,
@@ -183,3 +187,24 @@ def test_a_noisy_pitch_that_begins_late_is_named_too(judged):
     result, findings = judged(Patterns(PROJECTOR, fringe_set((912, 66, 30), 3)), turned, noise=10.0)
     assert result.sharpness[0] < 0.6  # so blurred is how far the first two are apart
     assert "pitch 66 began with step 1" in findings["offset"].message
+
+
+@pytest.mark.parametrize("steps", [4, 5, 8, 12])
+@pytest.mark.parametrize("response", [1.4, 2.2, 2.6])
+def test_the_dark_of_a_response_is_no_doubled_picture(judged, steps, response):
+    """A small body sees a part of the longest period, where several pictures are dark."""
+    patterns = Patterns(PROJECTOR, fringe_set((912, 114, 19), steps))
+    for number in (4, 7):
+        view = raycast(shapes.place(part(number), 120, [0, 0, 660]), SYSTEM)
+        _, findings = judged(patterns, view=view, response=response)
+        assert not [f for f in findings.values() if f.severe]
+
+
+def test_one_file_twice_is_told_of_three_steps(judged):
+    files = [f"column-114-{n:02}.png" for n in (0, 2)]
+    _, findings = judged(
+        Patterns(PROJECTOR, fringe_set((912, 114, 19), 3)),
+        lambda frames: frames | {files[1]: frames[files[0]]},
+    )
+    assert [f.code for f in findings.values() if f.severe] == ["frame"]
+    assert f"{files[0]} or {files[1]}" in findings["frame"].message

@@ -258,7 +258,9 @@ def measure(
     if patterns.code(axis) is None:
         Phis = unwrapped(phis)
     else:
-        reading = read_code(capture, axis, variance, response.gamma, fits[0])
+        # The average of a curve is one of grey levels as they are.
+        straightened = 1.0 if curved else response.gamma
+        reading = read_code(capture, axis, variance, straightened, fits[0])
         if each is not None:
             each(reading.code.steps)
         Phis, sure = unwrap_by_code(

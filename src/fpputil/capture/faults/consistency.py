@@ -24,6 +24,7 @@ STEADIER_OF_FEW = 0.8  # likewise of three and four steps
 DETERMINED = 5.0  # times what noise does that a false brightness must do, or it is not told
 LIKELY = 0.05  # of brightness: a usual flicker
 SAME = 0.3  # of the difference that two steps should have
+TOLD = 6.0  # grey levels: one picture taken twice differs by less, two that tell should by more
 
 
 def curve_of(frames, keep=None, flicker: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -156,14 +157,21 @@ def doubled(frames) -> tuple[int, int] | None:
     The first is the one without which a curve leaves less.
     """
     grey = np.asarray(frames, float)
-    _, terms = _sinusoid(np.arange(len(grey)), len(grey))
-    curve = terms @ (np.linalg.pinv(terms) @ grey)
-    found = {}
-    for a, b in combinations(range(len(grey)), 2):
-        should = np.sqrt(np.mean(without(curve[b], curve[a]) ** 2))
-        found[a, b] = np.sqrt(np.mean(without(grey[b], grey[a]) ** 2)) / max(should, LOUD)
-    best = min(found, key=found.get)
-    if found[best] >= SAME:
+    pairs = list(combinations(range(len(grey)), 2))
+    found = {  # of one file, which needs no curve
+        pair: 0.0
+        for pair in pairs
+        if np.array_equal(*grey[[*pair]]) and np.ptp(grey[pair[0]]) > TOLD
+    }
+    if len(grey) < 4:
+        return next(iter(found), None)
+    curve = grey - curve_of(grey)[0]
+    for a, b in [] if found else pairs:
+        apart, should = (np.sqrt(np.mean(without(p[b], p[a]) ** 2)) for p in (grey, curve))
+        if apart < TOLD < should:  # where a response is dark many pictures are nearly alike
+            found[a, b] = apart / should
+    best = min(found, key=found.get, default=None)
+    if best is None or found[best] >= SAME:
         return None
     left = {n: left_of(frames, [k for k in range(len(grey)) if k != n]) for n in best}
     return tuple(sorted(best, key=lambda n: np.mean(left[n])))

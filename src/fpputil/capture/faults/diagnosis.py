@@ -144,8 +144,10 @@ def _repeated(m, capture) -> Iterator[Finding]:
         modulation = phase.modulation(*phase.numerator_denominator(frames), len(frames))
         strong = (modulation > 16) & (frames.max(axis=0) < 254)
         frames = frames[:, strong][:, :: max(1, strong.sum() // STRONG)]
-        if frames.shape[1] < 20 or not 4 <= len(frames) <= STEPS[1]:
+        if frames.shape[1] < 20 or len(frames) > STEPS[1]:
             continue
+        if len(frames) < LEAST_STEPS:  # whose curve has no harmonics
+            frames = linearise(frames, m.gamma)
         files, fringe = [shot.file for shot in capture.of(number)], fringe_name(m, k)
         if pair := doubled(frames):
             one, other = (files[n] for n in pair)
@@ -206,8 +208,11 @@ def _code(m, capture) -> Iterator[Finding]:
     phi = m.wrapped[0] if m.sample else None
     if phi is not None and m.sharpness[0] > SURE:  # the fringes may begin otherwise
         phi = unwrap.wrap(phi - np.float32(unwrap.TWO_PI * m.offsets[0]))
-    fault = code_fault(m.reading, phi, m.fringes[0].pitch, m.axis, m.lit)
-    if fault is not None:
+    known = m.fringes[0].pitch, m.axis, m.lit
+    fault = code_fault(m.reading, phi, *known)
+    if fault == ("inverted", "0") and phi is not None and not code_fault(m.reading, -phi, *known):
+        yield finding_of("against", axis=m.axis, shift=-capture.patterns.shift)
+    elif fault is not None:
         yield finding_of(fault[0], bits=fault[1], axis=m.axis)
 
 

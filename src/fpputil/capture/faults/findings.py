@@ -51,6 +51,11 @@ FINDINGS = {
         "is the first)",
         "photograph the pictures of `fpp patterns`, or invert the photographs",
     ),
+    "against": (
+        "the fringes along the {axis}s run against their Gray code: their steps go the other way, "
+        "or black and white are exchanged in the code's first picture",
+        "give --shift {shift}; if that does not help, invert the first picture instead",
+    ),
     "backwards": (
         "the bits of the Gray code along the {axis}s come with the least significant one first",
         "name them in the other order",
@@ -185,7 +190,7 @@ LOST = {
 """Of reasons that no other finding tells, what is the matter, and what to do about it."""
 
 SEVERE = ("exchanged", "frame", "swapped", "pitch", "direction", "offset", "disagree", "clipped")
-SEVERE += ("square", "mounting", "mirrored", "bits", "inverted", "backwards", "binary")
+SEVERE += ("square", "mounting", "mirrored", "bits", "inverted", "against", "backwards", "binary")
 """Findings with which the phases are wrong; with the others they are noisier or fewer."""
 
 MOUNTED = ("direction", "mounting", "mirrored")
@@ -193,9 +198,11 @@ MOUNTED = ("direction", "mounting", "mirrored")
 
 ORDER = ("offset", "disagree", "orders")
 FOLLOW = {
-    **dict.fromkeys(("frame", "exchanged"), (*ORDER, "response")),
+    **dict.fromkeys(("frame", "exchanged"), (*ORDER, "response", "square")),
     **dict.fromkeys(("swapped", "pitch", "direction", "mounting"), ORDER),
-    **dict.fromkeys(("bits", "inverted", "backwards", "binary"), (*ORDER, "direction", "mounting")),
+    **dict.fromkeys(
+        ("bits", "inverted", "against", "backwards", "binary"), (*ORDER, "direction", "mounting")
+    ),
     "offset": ("orders",),
     **dict.fromkeys(("dark", "saturated"), (*ORDER[1:], "noise", "pitch", "response")),
     "clipped": ("response",),
