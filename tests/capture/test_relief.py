@@ -167,3 +167,17 @@ def test_a_plane_photographed_by_another_camera_is_refused(tmp_path):
         cv2.imwrite(str(file), cv2.imread(str(file), 0)[:100])
     with pytest.raises(ValueError, match="the camera must stay the same"):
         decode_folder(shots, reference=plane)
+
+
+def test_what_is_wrong_with_the_plane_is_told_and_stops(tmp_path):
+    patterns = Patterns((912, 1140), fringe_set((912, 114, PITCH), 8))
+    shots = photographed(tmp_path / "shots", WALL + BUMP, patterns)
+    plane = photographed(tmp_path / "plane", WALL, patterns, seed=9)
+    one, other = (plane / f"column-114-{n:02}.png" for n in (1, 2))
+    one.write_bytes(other.read_bytes())
+    decoded = decode_folder(shots, reference=plane, report=False)
+    (wrong,) = (f for f in decoded.findings if f.severe)
+    assert wrong.code == "frame" and wrong.message.startswith(f"in {plane}, column-114-01.png")
+    assert not decoded.summary["decoded"] and not (decoded.out / "decoded.npz").exists()
+    accepted = decode_folder(shots, reference=plane, report=False, accept=True, force=True)
+    assert (accepted.out / "decoded.npz").exists()

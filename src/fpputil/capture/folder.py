@@ -151,6 +151,14 @@ def decode_folder(
             how |= {"system": system, "each": bar.update}
             measurements = tuple(measure(capture, axis, **how) for axis in axes)
         findings = (*_findings(measurements, capture, system), *of_files(capture))
+        planes = ()
+        if plane is not None:
+            del how["each"]
+            planes = tuple(measure(plane, axis, **how) for axis in axes)
+            findings += tuple(
+                finding._replace(message=f"in {reference}, {finding.message}")
+                for finding in _findings(planes, plane, system)
+            )
         points = depth = located = None
         if system is not None and (accept or not any(f.severe for f in findings)):
             located = locate(measurements, system)
@@ -164,11 +172,9 @@ def decode_folder(
         if decoded:
             arrays = {k: v for one in measurements for k, v in one.arrays().items()}
             shapes = {one.axis: one.Phi for one in measurements}
-            if plane is not None:
-                del how["each"]
-                for one in measurements:
-                    difference = phase_difference(one, measure(plane, one.axis, **how))
-                    shapes[one.axis] = arrays[f"{one.axis}_difference"] = difference
+            for one, other in zip(measurements, planes, strict=False):  # or none
+                difference = phase_difference(one, other)
+                shapes[one.axis] = arrays[f"{one.axis}_difference"] = difference
             for axis, shape in shapes.items() if relief else ():
                 if capture.patterns.unwrap == "spatial":  # of others the turns are not known
                     shape = largest_part(shape)
