@@ -72,8 +72,7 @@ def unit_start(pitch: float, width: float, short: float = ROUNDING) -> float:
     if pitch < width * (1 - short):
         raise ValueError(
             f"pitch {pitch} on {width} columns given; the first pitch must cover the whole "
-            "projector, or its phase is ambiguous; short pitches that differ little are unwrapped "
-            "by their beats (mw)"
+            "projector, or its phase is ambiguous"
         )
     return -math.pi * (1 + pitch - width) / pitch
 
@@ -281,6 +280,10 @@ def suggestion(method: str, pitches: Sequence[float], width: float) -> str:
     '; unwrapped by their beats they would do (unwrap mw)'
     >>> suggestion("mf", (1, 8, 48), 1920)
     '; these look like periods: 1 8 48 of them over 1920 pixels would do (periods, not pitches)'
+    >>> suggestion("mf", (19,), 912)
+    '; one pitch alone is unwrapped in space (unwrap spatial), to whole turns'
+    >>> suggestion("mf", (800, 100, 20), 912)
+    '; on a projector 800 pixels wide they would do (name its size)'
     """
     if all(float(p).is_integer() and p <= width / 2 for p in pitches):
         periods = [width / p for p in pitches]
@@ -298,6 +301,10 @@ def suggestion(method: str, pitches: Sequence[float], width: float) -> str:
         return "; unwrapped by their beats they would do (unwrap mw)"
     if method == "mw" and unwraps("mf", pitches, width):
         return "; unwrapped one by one they would do (unwrap mf)"
+    if len(pitches) == 1:
+        return "; one pitch alone is unwrapped in space (unwrap spatial), to whole turns"
+    if (longest := max(pitches)) > width / 2 and unwraps(method, pitches, longest):
+        return f"; on a projector {longest:g} pixels wide they would do (name its size)"
     return ""
 
 
