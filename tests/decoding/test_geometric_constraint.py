@@ -127,3 +127,10 @@ def test_near_objects_need_pitch_304():
     }
     assert 1.8 < periods[114][60, 80] < 2
     assert np.nanmax(periods[304]) < 0.9
+
+
+def test_a_range_ends_where_the_projector_does(tiny):
+    """Half a pixel beyond the centres of its first and last column."""
+    low, high = ref.phase_range(tiny.system, 24)
+    assert np.nanmin(low) == pytest.approx(2 * np.pi * -0.5 / 24)
+    assert np.nanmax(high) == pytest.approx(2 * np.pi * 911.5 / 24)

@@ -224,3 +224,15 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 def test_arrays_cannot_be_changed_in_place():
     with pytest.raises(ValueError, match="read-only"):
         pinhole().K[0, 0] = 1
+
+
+def test_the_projector_lights_to_the_outer_edges_of_its_pixels(tiny):
+    """Half a pixel beyond the centres of the first and the last column, and no further."""
+    system, width, near = tiny.system, tiny.system.projector.width, 0
+    for z in np.linspace(system.z_min, system.z_max, 60):
+        columns, lit = system.columns_at(z), system.lit_at(z)
+        inner = ((columns >= -0.5) & (columns < 0)) | (np.abs(columns - width + 0.75) < 0.25)
+        outer = (columns < -0.5) | (columns > width - 0.5)
+        near += inner.sum() + (np.abs(columns - width + 0.25) < 0.25).sum()
+        assert lit[inner].all() and not lit[outer].any()
+    assert near > 100
