@@ -158,23 +158,20 @@ def doubled(frames) -> tuple[int, int] | None:
     """
     grey = np.asarray(frames, float)
     pairs = list(combinations(range(len(grey)), 2))
-    found = {  # of one file, which needs no curve
-        pair: 0.0
-        for pair in pairs
-        if np.array_equal(*grey[[*pair]]) and np.ptp(grey[pair[0]]) > TOLD
-    }
-    if len(grey) < 4:
-        return next(iter(found), None)
-    curve = grey - curve_of(grey)[0]
-    for a, b in [] if found else pairs:
-        apart, should = (np.sqrt(np.mean(without(p[b], p[a]) ** 2)) for p in (grey, curve))
-        if apart < TOLD < should:  # where a response is dark many pictures are nearly alike
-            found[a, b] = apart / should
-    best = min(found, key=found.get, default=None)
-    if best is None or found[best] >= SAME:
+    same = [p for p in pairs if np.array_equal(*grey[[*p]]) and np.ptp(grey[p[0]]) > TOLD]
+    if len(grey) < 4:  # so few have no curve: one file is told, and not which of both is wrong
+        return same[0] if same else None
+    if not same:
+        curve, found = grey - curve_of(grey)[0], {}
+        for a, b in pairs:
+            apart, should = (np.sqrt(np.mean(without(p[b], p[a]) ** 2)) for p in (grey, curve))
+            if apart < TOLD < should and apart < SAME * should:  # in the dark many are nearly alike
+                found[a, b] = apart / should
+        same = sorted(found, key=found.get)
+    if not same:
         return None
-    left = {n: left_of(frames, [k for k in range(len(grey)) if k != n]) for n in best}
-    return tuple(sorted(best, key=lambda n: np.mean(left[n])))
+    left = {n: left_of(frames, [k for k in range(len(grey)) if k != n]) for n in same[0]}
+    return tuple(sorted(same[0], key=lambda n: np.mean(left[n])))
 
 
 def _sinusoid(steps, number: int) -> tuple[np.ndarray, np.ndarray]:
